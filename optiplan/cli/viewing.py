@@ -14,7 +14,7 @@ from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify
 from optiplan.viewer.plots.runs import PlottedRun
 from optiplan.viewer.run_data.closed_loop import read_log
-from optiplan.viewer.runs import ViewedRun
+from optiplan.viewer.runs import ViewedRun, distinct_labels
 from optiplan.viewer.scene import build_scene
 from optiplan.viewer.server import FIRST_PORT, serve_runs, serve_until_interrupted
 
@@ -54,7 +54,7 @@ def open_runs(places: Sequence[Path]) -> tuple[Problem, list[ViewedRun]]:
             issues.append(Issue(str(run.place), None, "problem.robot", found, expected))
     if issues:
         raise InputError(issues)
-    labels = [_label(run, len(stored) > 1, len(problems) > 1) for run in stored]
+    labels = _labels(stored, len(problems) > 1)
     viewed = [
         shown(_judged(problem, run), run.trajectory, label)._replace(problem=problem)
         for problem, run, label in zip(own, stored, labels, strict=True)
@@ -74,16 +74,18 @@ def plotted_runs(places: Sequence[Path]) -> tuple[list[PlottedRun], list[str]]:
         InputError: a run is broken, or a trajectory without its problem.
     """
     found, left_out = [], []
-    for place in places:
-        run = load_run(place)
+    stored = [load_run(place) for place in places]
+    for run, label in zip(stored, _labels(stored, False), strict=True):
         if "problem" not in run.record:
-            raise InputError([Issue(str(place), None, "file", "a trajectory without its problem", "a run folder")])
+            raise InputError([Issue(str(run.place), None, "file", "a trajectory without its problem", "a run folder")])
         if run.trajectory is None:
-            left_out.append(f"{place} has no trajectory: {(run.record.get('failure') or {}).get('detail', 'no plan')}")
+            left_out.append(
+                f"{run.place} has no trajectory: {(run.record.get('failure') or {}).get('detail', 'no plan')}"
+            )
             continue
         problem = problem_from_dict(run.record["problem"])
         report = verify(problem, run.trajectory, given=run.given)
-        found.append(PlottedRun(_label(run, len(places) > 1, False), problem, run.trajectory, report.verified))
+        found.append(PlottedRun(label, problem, run.trajectory, report.verified))
     return found, left_out
 
 
@@ -119,7 +121,12 @@ def _judged(problem: Problem, run: StoredRun) -> Mapping[str, Any]:
     return {**run.record, "report": verify(problem, run.trajectory, given=run.given).to_dict()}
 
 
-def _label(run: StoredRun, several: bool, problems: bool) -> str:
-    """Return the planner's name, with the folder where that differs; of several problems that of the problem."""
-    planner = run.record.get("name" if problems else "planner", "run")
-    return f"{planner} ({run.place.name})" if several and run.place.name != planner else str(planner)
+def _labels(runs: Sequence[StoredRun], problems: bool) -> list[str]:
+    """Return planners' names, with the folder where that differs; of several problems those of the problems."""
+    names = [str(run.record.get("name" if problems else "planner", "run")) for run in runs]
+    if len(runs) > 1:
+        names = [
+            name if run.place.name == name else f"{name} ({run.place.name})"
+            for name, run in zip(names, runs, strict=True)
+        ]
+    return distinct_labels(names, [f"{run.place.resolve().parent.name}/{run.place.name}" for run in runs])

@@ -57,6 +57,26 @@ class ViewedRun(NamedTuple):
         return cls(label or run.planner, motion, record["report"], record["failure"], record, None, problem)
 
 
+def distinct_labels(labels: Sequence[str], *details: Sequence[str]) -> list[str]:
+    """Return labels of which no two are alike: those that are get the details that tell them apart, or numbers.
+
+    Args:
+        labels: k of them.
+        details: k words each, the first tried first.
+    """
+    found = list(labels)
+    for words in details:
+        alike: dict[str, set[str]] = {}
+        for label, word in zip(found, words, strict=True):
+            alike.setdefault(label, set()).add(word)
+        pairs = zip(found, words, strict=True)
+        found = [f"{label} ({word})" if len(alike[label]) > 1 else label for label, word in pairs]
+    numbers = [found[:k].count(label) + 1 for k, label in enumerate(found)]
+    return [
+        f"{label} ({number})" if found.count(label) > 1 else label for label, number in zip(found, numbers, strict=True)
+    ]
+
+
 RunLike = ViewedRun | tuple[str, Trajectory | None, Mapping[str, Any] | None]
 
 

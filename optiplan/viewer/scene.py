@@ -20,7 +20,7 @@ from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.goal_marks import regions, targets
 from optiplan.viewer.moving_objects import moved_by, object_stays
 from optiplan.viewer.run_data.curves import short_names
-from optiplan.viewer.runs import Detail, Poses, RunLike, ViewedRun, motion_of, run_for_page
+from optiplan.viewer.runs import Detail, Poses, RunLike, ViewedRun, distinct_labels, motion_of, run_for_page
 from optiplan.viewer.surfaces import Colour, base64_of, encode, visual_surfaces
 
 _PLAIN: Colour = (0.93, 0.94, 0.95, 1.0)
@@ -136,14 +136,18 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
     Raises:
         OptiPlanError: a run whose trajectory moves another number of joints than the problem's robot has.
     """
-    viewed = [ViewedRun(*run) for run in runs]
+    given = [ViewedRun(*run) for run in runs]
+    seeds = [f"seed {(run.record or {}).get('seed')}" for run in given]
+    labels = distinct_labels([run.label for run in given], seeds)
+    viewed = [run._replace(label=label) for run, label in zip(given, labels, strict=True)]
     for run in viewed:
         if run.trajectory is not None and len(run.trajectory.joint_names) != problem.robot.n:
             found, n = len(run.trajectory.joint_names), problem.robot.n
             raise OptiPlanError(f"run '{run.label}' moves {found} joints; robot '{problem.robot.name}' has {n}")
     parts = _Parts()
     several = len({(run.problem or problem).hash for run in viewed}) > 1
-    moving = frozenset(problem.scene.names) if several else moved_by(problem.task)
+    moved = moved_by(problem.task) if viewed else frozenset()  # each run draws what it moves
+    moving = frozenset(problem.scene.names) if several else moved
     bare = not problem.robot.visual.geometryObjects and not problem.robot.geometry.geometryObjects
     (_add_frames if bare else _add_robot)(parts, problem.robot)
     _add_objects(parts, problem, moving)

@@ -142,6 +142,9 @@ def test_a_running_controller_is_watched_and_its_target_dragged(page, server):
     page.wait_for_function("optiplanLive.live.states > 5")
     page.click("#stop")
     assert page.inner_text("#state") == "ended"
+    with page.expect_download() as saving:
+        page.click("#save")  # what was seen stays
+    assert recorded(saving.value)[0]["planner"] == "controller (own)"
 
 
 LAST = "optiplanExecution.live.last"
@@ -201,6 +204,33 @@ def test_an_execution_is_steered_and_an_obstacle_dragged_into_its_way(page, serv
     page.wait_for_selector("#state:text('ended')")
     assert page.inner_text("#reason") == "asked to stop"
     assert page.is_enabled("#begin")
+
+
+@wide
+def test_a_page_that_is_loaded_again_goes_on_holding_its_execution(page, server):
+    run = server.ended(server.submit(seed=62)["id"])["id"]
+
+    def patient(route):  # what takes longer than a lease on a busy machine is not what is tested
+        asked = route.request.post_data_json
+        route.continue_(post_data=json.dumps(asked | {"lease": 60.0, "paused": True}))
+
+    page.route(
+        "**/api/executions", lambda route: patient(route) if route.request.method == "POST" else route.continue_()
+    )
+    page.goto(f"{server.url}/execution#run={run}")
+    page.wait_for_function("optiplanExecution.ready")
+    page.check("#lease")
+    page.click("#begin")
+    page.wait_for_function("optiplanExecution.live.states > 0")
+    page.reload()
+    page.wait_for_function("optiplanExecution.live.states > 0")
+    assert page.is_checked("#lease")
+    page.evaluate("sessionStorage.clear()")  # another tab watches only
+    page.reload()
+    page.wait_for_function("optiplanExecution.live.states > 0")
+    assert not page.is_checked("#lease")
+    page.click("#stop")
+    page.wait_for_selector("#state:text('ended')")
 
 
 def assert_strips_and_recording(page):
@@ -283,6 +313,22 @@ def test_runs_are_listed_and_compared(page, server):
     page.click("#compare")
     page.wait_for_selector("canvas")
     assert "cubic" in page.content()  # on a narrow page the card is folded
+
+
+@wide
+def test_older_runs_are_counted_though_the_filter_shows_none_of_them(page, server):
+    run = server.ended(server.submit(seed=63)["id"])
+    newest = [{**run, "id": f"{k:032x}", "submitted": 1e6 - k} for k in range(60)]
+    older = {**run, "id": "f" * 32, "submitted": 1.0, "status": "cancelled", "robot": "another"}
+    page.route("**/thumbnail.svg*", lambda route: route.fulfill(body="<svg/>", content_type="image/svg+xml"))
+    page.route("**/api/runs?limit=60", lambda route: route.fulfill(json={"runs": newest, "counts": {"done": 61}}))
+    page.route("**/api/runs?limit=60&before=*", lambda route: route.fulfill(json={"runs": [older], "counts": {}}))
+    page.goto(server.url)
+    page.select_option("#verdict", "verified")
+    page.click("#more")
+    page.wait_for_selector("#found:text('60 of 61')")
+    assert page.is_hidden("#more")
+    assert page.locator("#robot option").all_text_contents() == ["any", "another", "planar2r"]
 
 
 @wide

@@ -7,6 +7,7 @@ import pytest
 
 import optiplan as op
 from optiplan.collision.model import CollisionModel
+from optiplan.geometry.scene import Obstacle, Sphere
 from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.continuous.clearance_record import ClearanceRecord
 from optiplan.verify.report import VerifyPolicy
@@ -19,6 +20,7 @@ from optiplan.viewer.run_data.closed_loop import LOG, read_log
 from optiplan.viewer.run_data.curves import curves_of, short_names, tool_frames
 from optiplan.viewer.runs import ViewedRun, stops_told
 from optiplan.viewer.scene import build_scene
+from tests.viewer.conftest import at
 
 
 def floats(text: str, dtype: str = "<f4") -> np.ndarray:
@@ -252,3 +254,13 @@ def test_distances_of_the_scene_of_the_robot_itself_and_of_pairs_are_measured_al
                 min(model.distance(q, pair).distance for pair in alike), abs=1e-4
             )
     assert clearance_of(proof.problem, proof.trajectory, chosen=False)["choices"] == []
+
+
+def test_distances_of_the_scene_alone_are_those_of_obstacles_where_they_are_by_then(planar, motion):
+    ball = Obstacle("ball", Sphere(0.1), at(2.0, 0.18, 1.0)).moving([[0.0, -0.8], [0.0], [0.0]])
+    start, goal = np.array([0.5, 1.0]), np.array([0.9, 0.8])
+    problem = op.Problem(planar, start, goal, scene=[ball])
+    shown = clearance_of(problem, motion(problem, 1.5), even=20)
+    (scene,) = [one for one in shown["choices"] if one["of"] == "robot – scene"]
+    assert floats(scene["distance"]).min() == pytest.approx(shown["least"]["distance"], abs=1e-6)
+    assert shown["least"]["pair"][1] == "ball"

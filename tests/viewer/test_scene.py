@@ -9,6 +9,7 @@ import pytest
 from optiplan.errors import OptiPlanError
 from optiplan.geometry.scene import Box, Obstacle, Scene
 from optiplan.problem.problem import JointGoal, PoseGoal, Via, derived
+from optiplan.viewer.runs import ViewedRun
 from optiplan.viewer.scene import build_scene
 from tests.unchecked_problem import unchecked_problem
 
@@ -114,3 +115,11 @@ def test_vias_are_marked_where_the_tool_passes(shelf):
     tool = data.oMf[shelf.robot.model.getFrameId(shelf.robot.tool_frame)]
     assert marked[0] == pytest.approx([0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0])
     assert marked[1] == pytest.approx(pin.SE3ToXYZQUAT(tool))
+
+
+def test_no_two_runs_have_one_label(bare, motion):
+    trajectory = motion(bare, 1.0)
+    runs = [ViewedRun("a", trajectory, None, None, {"seed": seed}) for seed in (1, 2, 2)]
+    found = build_scene(bare, [*runs, ViewedRun("b", trajectory), ViewedRun("c", None), ViewedRun("c", None)])
+    labels = [run["label"] for run in found.runs]
+    assert labels == ["a (seed 1)", "a (seed 2) (1)", "a (seed 2) (2)", "b", "c (1)", "c (2)"]

@@ -15,7 +15,11 @@ if TYPE_CHECKING:
     from optiplan.problem.problem import Problem
     from optiplan.viewer.runs import ViewedRun
 
-ADDRESS = ("t", "paused", "speed", "cam", "layers", "run", "runs", "tab", "panel", "theme")
+ADDRESS = (
+    *("t", "paused", "speed", "cam", "layers", "run", "runs", "tab", "panel", "theme"),
+    *("scene", "arrange", "hide", "pin", "of", "multiples", "signals"),
+    *("through", "trail", "frames", "ellipsoids", "view", "ghosts"),
+)
 """What may stand after the page's #."""
 
 

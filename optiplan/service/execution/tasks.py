@@ -166,10 +166,10 @@ class Tasks:
         return posed(self._reader.read(request), np.asarray(request["q"], float)), {}
 
     def ik(self, request: Mapping[str, Any], progress: Any) -> Answer:
-        """All branches of the inverse kinematics for a pose of the tool, each drawn as poses of the joints."""
+        """All branches of the inverse kinematics for a pose of a frame, each drawn as poses of the joints."""
         from optiplan.service.execution.studio import branches
 
-        return branches(self._reader.read(request), request["pose"], request.get("near")), {}
+        return branches(self._reader.read(request), request["pose"], request.get("near"), request.get("frame")), {}
 
 
 def _identity(problem: Problem, choice: PlannerChoice) -> dict[str, Any]:

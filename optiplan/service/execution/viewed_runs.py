@@ -8,7 +8,7 @@ from optiplan.errors import OptiPlanError
 from optiplan.problem.problem import Problem
 from optiplan.service.execution.problem_reader import files_changed
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.viewer.runs import ViewedRun
+from optiplan.viewer.runs import ViewedRun, distinct_labels
 
 NOW = "files of the problem, or this program, were changed since: for the scene of now the run was not verified"
 
@@ -28,16 +28,10 @@ def viewed_runs(
         OptiPlanError: the robot has other joints now than a motion.
     """
     records = [json.loads(one["run"]) for one in runs]
-    names = _names(list(labels) or [str(record.get("planner", "run")) for record in records], records, ids)
+    given = list(labels) or [str(record.get("planner", "run")) for record in records]
+    seeds, short = [f"seed {record.get('seed')}" for record in records], [run[:8] for run in ids]
+    names = distinct_labels(given, seeds, short)
     return [_viewed(problem, *one) for one in zip(names, records, [one["trajectory"] for one in runs], strict=True)]
-
-
-def _names(names: list[str], records: Sequence[Mapping[str, Any]], ids: Sequence[str]) -> list[str]:
-    """Return the names, no two alike: with the seed where two runs share one, then with the id."""
-    for details in ([f"seed {record.get('seed')}" for record in records], [run[:8] for run in ids]):
-        pairs = list(zip(names, details, strict=True))
-        names = [f"{name} ({detail})" if names.count(name) > 1 else name for name, detail in pairs]
-    return names
 
 
 def _viewed(problem: Problem, label: str, record: Mapping[str, Any], text: str) -> ViewedRun:

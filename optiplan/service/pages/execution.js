@@ -3,6 +3,7 @@
 (() => {
   const { byId, make, post, get, latest } = Page, KNOBS = ["stop", "pause", "resume", "reverse"], STALE = 1000, STILL = 120, LEASE = 3; // ms, ms, s
   const live = { id: null, events: null, last: null, states: 0, heard: 0, strips: null, motion: -1, seen: [] };
+  const LEASED = "optiplan.lease"; // the execution that goes on only while this tab is there
   let motions = {};
 
   const scene = new StudioScene.Scene(byId("pane"), { moving: (name, pose) => carried(name, pose), obstacle: (name) => carried(name, null) });
@@ -79,6 +80,7 @@
       const { status, data } = await post("api/executions", asked);
       if (status !== 201) { say("refused", data.error, "failed"); return; }
       choose(data);
+      if (asked.lease) try { sessionStorage.setItem(LEASED, data.id); } catch { /* a reload then stops the robot */ }
       await watch(data);
     } catch { say("refused", "the server does not answer", "failed"); } finally { byId("begin").disabled = live.id !== null; }
   }
@@ -96,8 +98,11 @@
     history.replaceState(null, "", "#" + id);
     for (const knob of KNOBS) byId(knob).disabled = false;
     byId("begin").disabled = byId("lease").disabled = true;
+    byId("lease").checked = Boolean(about.lease) && leased() === id;
     await show(id);
   }
+
+  function leased() { try { return sessionStorage.getItem(LEASED); } catch { return live.id; } }
 
   // The stream is closed for good: the server came back without it, or refuses.
   async function again(id) {
@@ -125,6 +130,7 @@
       scene.pose(state.poses);
       scene.move(state.obstacles);
       scene.at(state.place);
+      scene.touching(new Set(state.blocked_by || []));
     }
     if (again) return;
     live.states++;
@@ -141,7 +147,6 @@
     byId("late").textContent = `${ms(state.lateness.p50)} / ${ms(state.lateness.p99)} / ${ms(state.lateness.max)} ms`;
     byId("missed").textContent = `${state.missed}, at ${state.rate} a second`;
     byId("time").textContent = state.t.toFixed(1) + " s";
-    scene.touching(new Set(state.blocked_by || []));
     live.strips.add(state);
     byId("save").hidden = false;
     if (state.motion !== live.motion) { live.motion = state.motion; if (live.states > 1) show(live.id); }

@@ -52,7 +52,7 @@
 
   // ---- what is listed: the newest runs, older ones on demand; all that the filters let through
   const PAGE = 60, MOST = 500, OFTEN = 1000, SELDOM = 4000; // runs a page, and of one look; ms between two looks while anything runs, and while nothing does
-  let runs = [], older = false, waiting = 0, drawn = "";
+  let runs = [], older = false, waiting = 0, drawn = "", listed = "";
 
   function wanted(run) {
     const words = byId("search").value.toLowerCase().split(/\s+/).filter(Boolean), about = `${run.name} ${run.planner} ${run.robot} ${run.id}`.toLowerCase(), verdict = byId("verdict").value;
@@ -68,11 +68,11 @@
     const found = runs.filter(wanted), robots = [...new Set(runs.map((run) => run.robot))].sort(), chosenRobot = byId("robot").value;
     for (const id of chosen) if (!runs.some((run) => run.id === id)) chosen.delete(id);
     byId("compare").disabled = chosen.size < 2;
-    const now = JSON.stringify([found.map((run) => [run.id, run.status, run.finished]), [...chosen]]);
-    if (now === drawn) return; // what has not changed stays as it is, with its pictures and where the keyboard is
-    drawn = now;
-    byId("robot").replaceChildren(new Option("any", ""), ...robots.map((name) => new Option(name, name, false, name === chosenRobot)));
-    byId("runs").replaceChildren(...(found.length ? found.map(card) : [runs.length ? make("p", { className: "none", textContent: "No run is like that." }) : EMPTY()]));
+    const now = JSON.stringify([found.map((run) => [run.id, run.status, run.finished]), [...chosen], Boolean(runs.length)]);
+    if (now !== drawn) byId("runs").replaceChildren(...(found.length ? found.map(card) : [runs.length ? make("p", { className: "none", textContent: "No run is like that." }) : EMPTY()]));
+    drawn = now; // what has not changed stays as it is, with its pictures and where the keyboard is
+    if (robots.join() !== listed) byId("robot").replaceChildren(new Option("any", ""), ...robots.map((name) => new Option(name, name, false, name === chosenRobot)));
+    listed = robots.join();
     byId("found").textContent = found.length === runs.length ? "" : `${found.length} of ${runs.length}`;
     byId("filters").hidden = !runs.length;
     byId("more").hidden = !older;

@@ -64,13 +64,15 @@
     if (live.id !== id) return;
     const found = await get("api/live/" + id);
     if (live.id !== id) return;
-    if (found) watch(found); else ended("the server does not know it any more");
+    if (found) { watch(found); return; }
+    byId("save").hidden = true;
+    ended("the server does not know it any more");
   }
 
   function ended(reason) {
     if (live.events) live.events.close();
     Object.assign(live, { id: null, events: null });
-    byId("stop").disabled = byId("home").disabled = byId("save").hidden = true;
+    byId("stop").disabled = byId("home").disabled = true;
     say("ended", reason);
   }
 

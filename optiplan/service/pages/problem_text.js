@@ -10,7 +10,7 @@ const ProblemText = (() => {
   // A value on one line.
   function flow(value) {
     if (Array.isArray(value)) return "[" + value.map(flow).join(", ") + "]";
-    if (value && typeof value === "object") return "{" + Object.entries(value).map(([key, one]) => `${flow(key)}: ${flow(one)}`).join(", ") + "}";
+    if (value && typeof value === "object") return "{" + Object.entries(value).filter(([, one]) => one !== undefined).map(([key, one]) => `${flow(key)}: ${flow(one)}`).join(", ") + "}";
     if (typeof value === "number") return number(value);
     if (typeof value === "string" && plain.test(value) && !words.has(value.toLowerCase())) return value;
     return JSON.stringify(value);
@@ -111,12 +111,13 @@ const ProblemText = (() => {
     return [{ from: after, to: one.value ? Math.max(after, one.value.range[1]) : after, insert: " " + flow(value) }];
   }
 
-  // Edits that make the file say `value` at `path`; missing keys on the way are written.
+  // Edits that make the file say `value` at `path`; missing keys on the way are written, missing entries of lists are not.
   function set(text, path, value) {
     const root = parse(text).contents;
     for (let depth = path.length; depth >= 0; depth--) {
-      const node = at(root, path.slice(0, depth));
-      if (!node || (isScalar(node) && depth < path.length && node.value === null)) continue;
+      const node = at(root, path.slice(0, depth)), empty = isScalar(node) && node.value === null;
+      if (!node || (empty && !isSeq(at(root, path.slice(0, depth - 1))))) continue; // `key:` is written with its key
+      if (isSeq(node) && depth < path.length) return [];
       let wish = value;
       for (const key of path.slice(depth).reverse()) wish = { [key]: wish };
       return assigned(text, node, wish);

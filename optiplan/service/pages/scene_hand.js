@@ -26,6 +26,7 @@ const SceneHand = (() => {
       if (by === null) return false;
       const shape = end.pulled(by), [kind] = Object.keys(shape), of = shape[kind];
       if (end.moves) mesh.position.copy(began).addScaledVector(new THREE.Vector3(...end.axis).applyQuaternion(mesh.quaternion), 0.5 * by);
+      if (!scene.geometries.includes(mesh.geometry)) mesh.geometry.dispose();
       mesh.geometry = OptiPlanShapes.makeGeometry(kind === "box" ? { kind, size: of } : kind === "sphere" ? { kind, radius: of } : { kind, ...of });
       scene.stretched = shape;
       return true;
@@ -131,5 +132,5 @@ const SceneHand = (() => {
     pane.addEventListener("pointerup", drop);
     pane.addEventListener("pointercancel", drop);
   }
-  return { listen };
+  return { listen, poseOf };
 })();

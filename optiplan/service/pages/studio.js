@@ -1,9 +1,12 @@
 "use strict";
 // The studio: the text is the truth; the scene shows what it says, and writes into it.
 (() => {
-  const { byId, make, post, get, latest } = Page, DRAFT = "optiplan.draft", SURFACE_GAP = 0.01; // m between a surface and the goal on it
+  const { byId, make, post, get, latest } = Page, SURFACE_GAP = 0.01; // m between a surface and the goal on it
+  const ELSEWHERE = "No ways to reach it are shown: at the start the robot lacks the frame of this pose, or this step does not move all joints that carry it.";
   const state = { valid: "", problem: null, hash: "", q: [], start: [], asked: 0, handles: [], active: 0, chosen: null, coming: null, branches: [], branch: -1, examples: {}, opened: "" };
   const names = { robots: [], planners: [] };
+  const NO_END = Object.fromEntries(["joints", "joints_deg", "configuration", "pose", "region", "all_of", "any_of"].map((key) => [key, undefined])); // to be spread before the one that is meant
+  const WRITTEN_OUT = ["for", "do", "either", "pick", "place"]; // steps that are several ones in the problem
 
   const words = SchemaWords.from(get("api/schema"), (path) => ({ robot: names.robots, "planner.name": names.planners, planner: names.planners })[path.join(".")] || []);
   const editor = new Editor.Text(byId("text"), (text) => { keep(text); clearTimeout(typing); typing = setTimeout(check, 350); }, words);
@@ -64,8 +67,7 @@
   // The pose that is dragged goes to where the file has it; an end of joint values becomes a pose.
   function moved(pose) {
     const handle = state.handles[state.active];
-    if (!handle) write((text) => ProblemText.set(text, ["goal"], { pose: PoseText.said(pose) }));
-    else if (handle.joints) write((text) => ProblemText.set(text, handle.path, { joints: undefined, joints_deg: undefined, configuration: undefined, pose: PoseText.said(pose) }));
+    if (!handle || handle.joints) write((text) => ProblemText.set(text, handle ? handle.path : ["goal"], { ...NO_END, velocity: undefined, acceleration: undefined, pose: PoseText.said(pose) }));
     else write((text) => PoseText.edits(text, handle.path, handle.pose, pose));
   }
 
@@ -129,6 +131,11 @@
     solve(state.handles[index].pose);
   }
 
+  // Joint values in place of what stands at a path: the start, or an end.
+  function useJoints(path, q) {
+    write((text) => ProblemText.set(text, path, { ...NO_END, joints: q.map((x) => PoseText.round(x, 1e-6)) }));
+  }
+
   function fields() {
     const one = state.chosen && body(state.chosen), handle = state.handles[state.active];
     const shown = one ? StudioCard.obstacle({ ...one, pose: PoseText.read(one.pose), fixed: "half_space" in one.shape }, does)
@@ -140,7 +147,8 @@
 
   // ---- branches of the goal
   const solve = latest(async (pose) => {
-    const { status, data } = await post("api/ik", { problem: state.valid, pose, near: state.q });
+    const { frame } = state.handles[state.active] || {};
+    const { status, data } = frame === null ? { status: 200, data: { branches: [], reason: ELSEWHERE } } : await post("api/ik", { problem: state.valid, pose, near: state.q, frame });
     if (status !== 200) return;
     Object.assign(state, { branches: data.branches, branch: -1, solved: pose });
     ghosts(data.reason);
@@ -152,7 +160,8 @@
     tell(many ? `${many} ways to reach it, ${free} of them free` + (reason ? "; " + reason : "") : reason);
     byId("branches").replaceChildren(...state.branches.map((one, k) => make("button", { type: "button", className: one.touching || !one.within_limits ? "bad" : "", textContent: String(k + 1),
       title: `${one.branch || "a way"}${one.touching ? "; touches" : ""}${one.within_limits ? "" : "; outside the limits"}`, ariaPressed: String(k === state.branch), onclick: () => takeBranch(k) })));
-    byId("take").hidden = state.branch < 0;
+    const handle = state.handles[state.active];
+    byId("take").hidden = state.branch < 0 || Boolean(handle && !handle.moves.length);
   }
 
   function takeBranch(k) {
@@ -165,9 +174,8 @@
 
   // The goal, or the end of the step that is active, becomes the joint values of a branch.
   function useBranch() {
-    const handle = state.handles[state.active], joints = state.branches[state.branch].q.map((x) => PoseText.round(x, 1e-6));
-    const path = handle ? (handle.joints ? handle.path : handle.path.slice(0, -1)) : ["goal"], of = handle && path[0] !== "task" ? path : ["goal"];
-    write((text) => ProblemText.set(text, of, { pose: undefined, configuration: undefined, joints_deg: undefined, joints }));
+    const handle = state.handles[state.active], { q } = state.branches[state.branch];
+    useJoints(!handle ? ["goal"] : handle.joints ? handle.path : handle.path.slice(0, -1), handle ? handle.moves.map((j) => q[j]) : q);
   }
 
   // ---- the text is checked and drawn
@@ -181,7 +189,7 @@
     byId("issues").replaceChildren(...(issues.length ? issues.map(shownIssue) : [make("div", { className: "fine", textContent: "valid" })]));
     editor.mark(issues.map((one) => ({ line: one.line, words: said(one) })));
     byId("plan").disabled = byId("store").disabled = issues.length > 0;
-    if (issues.length) return;
+    if (issues.length) { StudioRun.clear(editor.text()); return; }
     if (state.hash && data.hash !== state.hash) StudioRun.clear(editor.text());
     Object.assign(state, { valid: problem, hash: data.hash });
     const drawn = await post("api/scene", { problem });
@@ -204,11 +212,12 @@
   }
 
   function draw(found) {
-    const fresh = JSON.stringify(found.start) !== JSON.stringify(state.start), known = new Set(found.problem.scene.obstacles.map((one) => one.name));
-    Object.assign(state, { drawn: found, problem: found.problem, start: found.start, tool: found.tool, joints: found.joints, handles: asWritten(found.handles) });
+    const fresh = JSON.stringify(found.start) !== JSON.stringify(state.start), known = new Set(found.problem.scene.obstacles.map((one) => one.name)), had = state.handles.length;
+    Object.assign(state, { drawn: found, problem: found.problem, start: found.start, tool: found.tool, joints: found.joints, handles: asWritten(found) });
     state.active = Math.min(state.active, Math.max(0, state.handles.length - 1));
-    scene.show(found.scene, found.problem.task ? null : found.tool);
+    scene.show(found.scene, null);
     if (state.handles.length) scene.handles(state.handles.map((one) => one.pose), state.active);
+    if (!state.handles.length && (had || !scene.framed)) tell("This text has no pose to be dragged. Obstacles can be dragged, with shift up and down; a click chooses one.");
     if (!scene.framed) { scene.frame(); scene.framed = true; }
     if (fresh || state.q.length !== found.start.length) Object.assign(state, { q: [...found.start], branches: [], branch: -1 });
     const aim = state.handles[state.active]; // ghosts stay as long as they reach what the text says
@@ -226,6 +235,8 @@
     sliders();
     byId("steps").replaceChildren(...state.handles.map((one, k) => make("option", { value: k, textContent: one.label, selected: k === state.active })));
     byId("steps").parentElement.hidden = state.handles.length < 2;
+    byId("goal").hidden = Boolean(found.problem.task);
+    byId("surface").hidden = Boolean(found.problem.task) && !state.handles.length;
   }
 
   function sliders() {
@@ -246,11 +257,16 @@
     byId("touching").textContent = [...new Set(data.touching.map((pair) => pair.join(" and ") + " touch"))].join("; ");
   });
 
-  // Handles whose poses stand in the text: the steps of a task with loops are other ones than the text has.
-  function asWritten(handles) {
+  // Handles whose poses stand in the text, with their paths there: steps that are written out count as one, and have none.
+  function asWritten({ handles, problem }) {
     const task = ProblemText.value(state.valid, ["task"]);
-    const looped = Array.isArray(task) && task.some((step) => step && (step.for || step.do));
-    return looped ? handles.filter(({ path }) => path[0] !== "task") : handles;
+    const several = Array.isArray(task) ? task.map((step) => WRITTEN_OUT.some((key) => key in Object(step))) : [];
+    if (!several.includes(true)) return handles;
+    const first = several.indexOf(true), last = several.lastIndexOf(true), more = problem.task.length - task.length;
+    return handles.flatMap((one) => {
+      const [root, k, ...rest] = one.path;
+      return root !== "task" || k < first ? [one] : k > last + more ? [{ ...one, path: [root, k - more, ...rest] }] : [];
+    });
   }
 
   // ---- teach: points are recorded as vias, and played back as they are, before any planning
@@ -278,8 +294,7 @@
 
   function keep(text) {
     byId("stored").textContent = "";
-    if (text === state.opened) localStorage.removeItem(DRAFT);
-    else localStorage.setItem(DRAFT, JSON.stringify({ text, at: Date.now(), opened: state.opened }));
+    if (!Drafts.keep(text, state.opened)) byId("stored").textContent = "this browser keeps no draft";
   }
 
   function open(text, undoable) {
@@ -288,17 +303,20 @@
     Object.assign(state, { start: [], branches: [], branch: -1, chosen: null, active: 0 });
     scene.framed = false;
     if (undoable) editor.replace(text); else editor.begin(text);
-    notice(edited ? "Your text is one undo away." : "", "Bring it back", () => editor.undo());
+    notice(edited ? "Your text is one undo away." : "", ["Bring it back", () => editor.undo()]);
     check();
   }
 
-  function notice(words, action, act) {
+  // Words, and buttons of [what they say, what they do].
+  function notice(words, ...actions) {
     byId("notice").hidden = !words;
-    byId("notice").replaceChildren(words + " ", make("button", { type: "button", textContent: action, onclick: () => { byId("notice").hidden = true; act(); } }));
+    byId("notice").replaceChildren(words, ...actions.flatMap(([textContent, act]) => [" ", make("button", { type: "button", textContent, onclick: () => { byId("notice").hidden = true; act(); } })]));
   }
 
-  function draft() {
-    try { return JSON.parse(localStorage.getItem(DRAFT)); } catch (broken) { return null; }
+  // A draft in place of the text; what it began from is what it is told apart from.
+  function resume(draft, undoable) {
+    open(draft.text, undoable);
+    state.opened = draft.opened || "";
   }
 
   // ---- buttons
@@ -306,8 +324,7 @@
   byId("text").addEventListener("keydown", (event) => { if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) { event.preventDefault(); event.stopPropagation(); StudioRun.plan(editor.text()); } }, true);
   byId("undo").addEventListener("click", () => editor.undo());
   byId("redo").addEventListener("click", () => editor.redo());
-  byId("start").addEventListener("click", () => write((text) => ProblemText.set(text, ["start"], { configuration: undefined, joints_deg: undefined, joints: state.q.map((x) => PoseText.round(x, 1e-6)) })));
-  byId("goal").addEventListener("click", () => write((text) => ProblemText.set(text, ["goal"], { pose: undefined, any_of: undefined, configuration: undefined, joints_deg: undefined, joints: state.q.map((x) => PoseText.round(x, 1e-6)) })));
+  for (const end of ["start", "goal"]) byId(end).addEventListener("click", () => useJoints([end], state.q));
   byId("take").addEventListener("click", useBranch);
   byId("record").addEventListener("click", record);
   byId("play").addEventListener("click", play);
@@ -332,15 +349,15 @@
     Object.assign(names, { planners: planners.map(({ name }) => name), robots: robots.map(({ name }) => name) });
     byId("example").append(...Object.keys(examples).map((name) => make("option", { value: name, textContent: name })));
     byId("planner").append(...names.planners.map((name) => make("option", { value: name, textContent: name })));
-    const named = await Page.named(), kept = draft();
-    if (named === null && kept && kept.text) {
-      open(kept.text, false);
-      state.opened = kept.opened || "";
-      notice(`Your draft of ${new Date(kept.at).toLocaleString()}.`, "Begin anew", () => open(examples["02_shelf"], true));
-      return;
-    }
-    open(named || examples["02_shelf"], false);
-    if (kept && kept.text && kept.text !== named) notice("This browser keeps a draft of yours.", "Open it", () => { open(kept.text, true); state.opened = kept.opened || ""; });
+    const named = await Page.named(), mine = Drafts.left(), kept = mine || Drafts.all()[0], when = ({ at }) => new Date(at).toLocaleString();
+    if (named === null && kept) {
+      if (mine) Drafts.take(mine);
+      resume(kept, false);
+    } else open(named || examples["02_shelf"], false);
+    const others = Drafts.all().filter((one) => one.text !== editor.text()), offers = others.map((one) => [`Open that of ${when(one)}`, () => resume(one, true)]);
+    if (others.length) offers.push(["Forget the others", () => confirm("Forget the other drafts? They cannot be brought back.") && others.forEach(Drafts.drop)]);
+    if (named === null && kept) notice(`Your draft of ${when(kept)}.`, ["Begin anew", () => { Drafts.drop(kept); open(examples["02_shelf"], true); }], ...offers);
+    else if (others.length) notice("This browser keeps drafts of yours.", ...offers);
   }
   byId("joints").open = byId("chosen").open = innerWidth > 760; // else they hide the scene
   byId("joints").addEventListener("toggle", () => scene.resize());

@@ -17,9 +17,15 @@ const StudioRun = (() => {
     if (problem !== null && problem === state.problem) return;
     if (state.events) state.events.close();
     Object.assign(state, { problem: null, run: null, events: null });
-    for (const id of ["watch", "page", "back"]) byId(id).hidden = true;
-    byId("cancel").disabled = true;
+    byId("watch").hidden = byId("cancel").disabled = true;
+    leave();
     begin();
+  }
+
+  // The page of a run goes, and draws no more.
+  function leave() {
+    byId("page").hidden = byId("back").hidden = true;
+    byId("page").src = "about:blank";
   }
 
   // The improvements of a run, none yet.
@@ -95,6 +101,6 @@ const StudioRun = (() => {
   }
 
   byId("cancel").addEventListener("click", () => Page.ask(`api/runs/${state.run}/cancel?submission=${submission}`, { method: "POST" }));
-  byId("back").addEventListener("click", () => { byId("page").hidden = byId("back").hidden = true; byId("page").src = "about:blank"; });
+  byId("back").addEventListener("click", leave);
   return { plan, clear };
 })();

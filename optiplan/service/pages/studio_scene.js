@@ -1,15 +1,8 @@
 "use strict";
 // The live scene: a robot to be posed, ghosts of all branches, a goal and obstacles to be dragged. Metres, z up.
 const StudioScene = (() => {
-  const THREE = MeshCat.THREE, { makeGeometry, rgb, place, placeInTime } = OptiPlanShapes;
+  const THREE = MeshCat.THREE, { makeGeometry, rgb, place, placeInTime } = OptiPlanShapes, { floats } = OptiPlanPacked, { poseOf } = SceneHand;
   const GOOD = 0x2374c6, BAD = 0xd3261f, CHOSEN = 0x1f9d55, TOUCHING = 0xd3261f;
-  const poseOf = (object) => [...object.position.toArray(), ...object.quaternion.toArray()];
-
-  function floats(text) {
-    const raw = atob(text), bytes = new Uint8Array(raw.length);
-    for (let i = 0; i < raw.length; i++) bytes[i] = raw.charCodeAt(i);
-    return new Float32Array(bytes.buffer);
-  }
 
   class Scene {
     constructor(pane, events) {
@@ -34,6 +27,7 @@ const StudioScene = (() => {
       this.root.updateMatrixWorld(true);
       this.seen = null;
       this.chosen = null;
+      this.made = new Map(); // geometries of what is drawn, by their data
       this.pointing = false;
       SceneHand.listen(this);
       new ResizeObserver(() => this.resize()).observe(pane);
@@ -55,9 +49,9 @@ const StudioScene = (() => {
     }
 
     show(data, tool) {
-      this.root.clear();
+      this.empty(this.root);
       this.data = data;
-      this.geometries = data.geometries.map(makeGeometry);
+      this.geometries = this.remade(data.geometries);
       this.obstacles = new THREE.Group();
       for (const part of data.parts.filter((one) => one.set === "obstacle")) {
         const plane = data.geometries[part.geometry].kind === "plane";
@@ -81,6 +75,21 @@ const StudioScene = (() => {
       if (this.seen !== data.bodies) this.frame();
       this.seen = data.bodies;
       this.resize();
+    }
+
+    // Geometries of these data: those that were drawn before stay, and what is drawn no more goes.
+    remade(all) {
+      const before = this.made, texts = all.map((one) => JSON.stringify(one));
+      this.made = new Map(texts.map((text, k) => [text, before.get(text) || makeGeometry(all[k])]));
+      for (const [text, geometry] of before) if (!this.made.has(text)) geometry.dispose();
+      return texts.map((text) => this.made.get(text));
+    }
+
+    // Empties a group: the renderer keeps what it draws in memory until it is told.
+    empty(group) {
+      const kept = new Set(this.made.values());
+      group.traverse(({ geometry }) => { if (geometry && !kept.has(geometry)) geometry.dispose(); });
+      group.clear();
     }
 
     mesh(part, material) {
@@ -125,7 +134,7 @@ const StudioScene = (() => {
     // Poses that can be dragged: one has the frame, the others are balls to be clicked.
     handles(poses, active) {
       this.handle.visible = poses.length > 0;
-      this.others.clear();
+      this.empty(this.others);
       poses.forEach((pose, k) => {
         if (k === active) { if (!this.held || this.held.object !== this.handle) place(this.handle, pose); return; }
         const ball = GoalFrame.ball(0.6);
@@ -139,7 +148,7 @@ const StudioScene = (() => {
     // The obstacle that is chosen, with its gizmo; `shape` as the file says it. Null for none.
     choose(name, shape) {
       this.chosen = name;
-      this.gizmo.clear();
+      this.empty(this.gizmo);
       for (const mesh of this.obstacles.children) mesh.material.color.copy(mesh.name === name ? new THREE.Color(CHOSEN) : mesh.userData.own);
       const mesh = this.obstacles.children.find((one) => one.name === name);
       if (mesh && !mesh.userData.fixed) {
@@ -167,6 +176,7 @@ const StudioScene = (() => {
     }
 
     frame() {
+      this.root.updateMatrixWorld(true); // what was placed since it was drawn
       const box = new THREE.Box3().setFromObject(this.robot), one = new THREE.Box3(), { camera, controls } = this.viewer;
       if (this.handle.visible) box.expandByObject(this.handle.ball);
       for (const ball of this.others.children) box.expandByObject(ball);

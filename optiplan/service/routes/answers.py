@@ -4,6 +4,7 @@ import io
 import json
 import zipfile
 from collections.abc import Iterable, Mapping
+from pathlib import Path as FilePath
 from typing import Annotated, Any
 
 import anyio
@@ -11,6 +12,7 @@ from fastapi import Depends, Path, Request
 from fastapi.responses import JSONResponse, Response
 from sse_starlette.sse import EventSourceResponse
 
+from optiplan.config.document import parse_yaml
 from optiplan.service.archive import Archive
 from optiplan.service.models import ErrorAnswer, RunAnswer
 from optiplan.service.planner_service import PlannerService
@@ -111,6 +113,21 @@ def watched(session: Session) -> EventSourceResponse:
             yield {"event": event["type"], "data": json.dumps(event, allow_nan=False)}
 
     return event_stream(lines)
+
+
+def problem_of(request: Record) -> str | dict[str, Any]:
+    """Return the problem of a stored request with the `start`, `goal` and `name` that it was submitted with.
+
+    The text as it came where the request has none of them, else the data.
+    """
+    given: str | dict[str, Any] = request["problem"]
+    instead = {key: request[key] for key in ("name", "start", "goal") if request.get(key) is not None}
+    if not instead:
+        return given
+    data = parse_yaml(given, FilePath("problem.yaml")).data if isinstance(given, str) else given
+    if "name" in data:  # another one is for problems without
+        instead.pop("name", None)
+    return {**data, **instead} if instead else given
 
 
 def whole_page(page: bytes, drawn: bool = False) -> Response:

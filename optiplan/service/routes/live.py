@@ -40,8 +40,11 @@ async def one(session: SessionPath, service: Service) -> Json:
 
 @router.get("/{session}/recording.zip", response_class=Response, responses=PACKED)
 async def recording(session: SessionPath, service: Service) -> Response:
-    """What was seen of the robot, the last ten minutes at most, as a run folder: `optiplan view` shows it."""
-    found = service.live.get(session)
+    """What was seen of the robot, the last ten minutes at most, as a run folder: `optiplan view` shows it.
+
+    Of a controller that runs, or of the last that ended.
+    """
+    found = service.live.seen(session)
     return await recorded(service, found, found.request, f"controller ({found.about['engine']})")
 
 

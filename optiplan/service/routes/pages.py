@@ -32,7 +32,7 @@ EDITOR = ("codemirror", "problem_text", "pose_text", "schema_words", "editor")
 """Scripts of a page that edits the text of a problem."""
 PAGES = {
     "": Page("OptiPlan", ("common", "home")),
-    "studio": Page("OptiPlan studio", (*SCENE, *EDITOR, "studio_card", "studio_run", "studio"), "studio"),
+    "studio": Page("OptiPlan studio", (*SCENE, *EDITOR, "drafts", "studio_card", "studio_run", "studio"), "studio"),
     "live": Page("OptiPlan live", (*SCENE, "strips", "live"), "studio live"),
     "execution": Page("OptiPlan execution", (*SCENE, "strips", "execution"), "studio live execution"),
     "benches": Page("OptiPlan benches", ("common", "benches")),

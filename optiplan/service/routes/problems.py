@@ -9,7 +9,7 @@ from fastapi.responses import Response
 from optiplan.problem.schema.problem import problem_schema
 from optiplan.service.models import CheckAnswer, ProblemAnswer, ProblemInput
 from optiplan.service.refusals import Refusal, not_found
-from optiplan.service.routes.answers import HashPath, Json, Kept, Service, errors
+from optiplan.service.routes.answers import HashPath, Json, Kept, Service, errors, problem_of
 
 router = APIRouter(prefix="/api", default_response_class=Json)
 
@@ -58,13 +58,14 @@ async def listed(archive: Kept, limit: Annotated[int, Query(ge=1, le=500)] = 100
 
 
 @router.get("/problems/{hash}", responses=errors(404, 422))
-async def one(hash: HashPath, archive: Kept) -> Response:
-    """A stored problem: text as it came, or JSON."""
+async def one(hash: HashPath, archive: Kept) -> Json:
+    """A stored problem: text as it came, or JSON, with the `start`, `goal` or `name` that it was stored with in it."""
     row = await archive.read(lambda: archive.problems.get(hash))
     content = None if row is None else await archive.read(lambda: archive.contents.get(row["text"]))
     if content is None:
         raise not_found("problem", hash)
-    return Response(content, media_type="application/json")
+    stored = json.loads(content)
+    return Json({**stored, "problem": await archive.read(lambda: problem_of(stored)), "start": None, "goal": None})
 
 
 @router.delete("/problems/{hash}", status_code=204, responses=errors(404, 422))

@@ -6,7 +6,7 @@ from pydantic import Field
 
 from optiplan.api.listings import planners, robots
 from optiplan.resources import problems_dir
-from optiplan.service.models import PlannerAnswer, ProblemInput, RobotAnswer
+from optiplan.service.models import PlannerAnswer, ProblemInput, RobotAnswer, Text
 from optiplan.service.refusals import not_found
 from optiplan.service.routes.answers import Json, Kept, Service, errors
 
@@ -20,10 +20,11 @@ class PoseRequest(ProblemInput):
 
 
 class IkRequest(ProblemInput):
-    """A problem and a pose of its robot's tool in the world."""
+    """A problem and a pose of a frame of its robot in the world."""
 
     pose: list[float] = Field(min_length=7, max_length=7, description="x, y, z (m) and quaternion x, y, z, w")
     near: list[float] | None = Field(None, max_length=200, description="The branch nearest to this comes first")
+    frame: Text | None = Field(None, description="A link or fixed frame of the robot; its tool frame without one")
 
 
 @router.get("/robots", response_model=list[RobotAnswer], responses=errors())
@@ -72,7 +73,7 @@ async def pose(given: PoseRequest, service: Service) -> Json:
 
 @router.post("/ik", responses=errors(404, 413, 422, 503))
 async def ik(given: IkRequest, service: Service) -> Json:
-    """All branches of the inverse kinematics for a pose of the tool, the nearest first, with poses of the joints."""
-    request = {**await service.requests.of(given), "pose": given.pose, "near": given.near}
+    """All branches of the inverse kinematics for a pose of a frame, the nearest first, with poses of the joints."""
+    request = {**await service.requests.of(given), "pose": given.pose, "near": given.near, "frame": given.frame}
     answer = await service.requests.ask(request, "ik")
     return Json(answer.data)

@@ -15,7 +15,18 @@ from optiplan.runs.run_folder import RUN, TRAJECTORY
 from optiplan.service.archive import Archive
 from optiplan.service.models import PlanAnswer, PlanRequest, QueuedSubmission, RunAnswer, RunId, RunList, SubmittedRun
 from optiplan.service.refusals import Refusal, not_found
-from optiplan.service.routes.answers import Json, Kept, RunPath, Service, errors, files, run_answer, run_answers, zipped
+from optiplan.service.routes.answers import (
+    Json,
+    Kept,
+    RunPath,
+    Service,
+    errors,
+    files,
+    problem_of,
+    run_answer,
+    run_answers,
+    zipped,
+)
 from optiplan.service.store.run_table import ENDED
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -92,8 +103,12 @@ async def record(run: RunPath, archive: Kept) -> Response:
 
 @router.get("/runs/{run}/problem", response_class=Response, responses=files("application/yaml") | errors(404, 422))
 async def problem(run: RunPath, archive: Kept) -> Response:
-    """The problem of the run as it was submitted: the text, or its data as JSON, which is YAML too."""
-    given = (await archive.stored_request(await archive.run(run)))["problem"]
+    """The problem of the run: the text as it was submitted, or its data as JSON, which is YAML too.
+
+    A `start`, `goal` or `name` that was submitted beside the problem is in the data.
+    """
+    stored = await archive.stored_request(await archive.run(run))
+    given = await archive.read(lambda: problem_of(stored))
     return Response(
         given if isinstance(given, str) else json.dumps(given, indent=2), media_type="application/yaml; charset=utf-8"
     )

@@ -4,7 +4,7 @@ import asyncio
 import math
 from typing import Any
 
-from optiplan.service.execution.solver_pool import SolverJob, SolverPool
+from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob, SolverPool
 from optiplan.service.models import LiveRequest
 from optiplan.service.refusals import busy
 from optiplan.service.requests import ProblemRequests
@@ -47,6 +47,15 @@ class LiveSessions(Sessions[LiveSession]):
         super().__init__(pool, "live", "controller")
         self._requests, self._most = requests, most
         self._starting = 0
+        self._last: LiveSession | None = None
+
+    def seen(self, session: str) -> LiveSession:
+        """One that runs, or the last that ended.
+
+        Raises:
+            Refusal: it is neither.
+        """
+        return self._last if self._last is not None and self._last.id == session else self.get(session)
 
     async def start(self, given: LiveRequest) -> LiveSession:
         """Start a controller at a problem's start.
@@ -63,6 +72,11 @@ class LiveSessions(Sessions[LiveSession]):
             return await self._begin({**request, "do": "live", "engine": given.engine}, math.inf)
         finally:
             self._starting -= 1
+
+    def _ended(self, session: LiveSession, answer: SolverAnswer) -> None:
+        """Report the end of a controller; what was seen of the last one is kept."""
+        self._last = session
+        super()._ended(session, answer)
 
     def _session(self, about: State, job: SolverJob) -> LiveSession:
         return LiveSession(about, job)

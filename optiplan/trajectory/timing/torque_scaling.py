@@ -25,7 +25,7 @@ def torque_scale(robot: Robot, limit: Array, trajectory: Trajectory) -> float:
     Within a millisecond of full jerk the acceleration can go from one limit to the other; such a piece is as short.
 
     Run s times slower, the same path needs tau(s) = g(q) + (tau(1) - g(q)) / s^2: inertial and Coriolis torques scale
-    alike (Hollerbach 1984, Dynamic scaling of manipulator trajectories). Friction and carried loads are not modelled.
+    alike (Hollerbach 1984, Dynamic scaling of manipulator trajectories). Friction is not modelled.
     """
     if not np.isfinite(limit).any():
         return 1.0

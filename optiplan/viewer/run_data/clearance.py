@@ -128,7 +128,7 @@ def _measured(part: ScenePart, motion: Trajectory, duration: float, even: int) -
     return _Measured(
         model,
         t + part.begin,
-        motion(t)[:, : model.robot.n],
+        motion(t),
         near,
         proof.clearance if proof.proved else None,
         bound,

@@ -3,9 +3,14 @@
 // &hide=table&pin=cube&of=robot%20–%20scene&multiples&signals=[…]
 const OptiPlanAddress = (() => {
   const numbers = (text) => text.split(",").map(Number);
-  const parsed = () => new URLSearchParams((location.hash || location.search).slice(1));
 
-  const names = (wish, key) => (wish.get(key) || "").split(",").filter(Boolean);
+  // What the address says, as `get` and `has` of URLSearchParams; `list` has names between commas, which may hold commas themselves.
+  function parsed() {
+    const text = (location.hash || location.search).slice(1), wish = new URLSearchParams(text);
+    wish.list = (key) => text.split("&").filter((one) => one.startsWith(key + "=")).flatMap((one) => one.slice(key.length + 1).split(",")).filter(Boolean).map((one) => new URLSearchParams("=" + one).get(""));
+    return wish;
+  }
+
   const joined = (found) => found.map(encodeURIComponent).join();
 
   // Signals as the address holds them; one that cannot be read is none.
@@ -19,7 +24,7 @@ const OptiPlanAddress = (() => {
     if (wish.has("theme")) document.documentElement.dataset.theme = wish.get("theme") === "dark" ? "dark" : "light";
     if (wish.has("run")) app.select(Math.max(0, data.runs.findIndex((run) => run.label === wish.get("run"))));
     if (wish.has("runs")) {
-      const names = wish.get("runs").split(",");
+      const names = wish.list("runs");
       data.runs.forEach((run, k) => { app.shown[k] = names.includes(run.label); if (app.shown[k]) app.robots[k] = true; });
       if (!wish.has("run")) app.select(Math.max(0, app.shown.indexOf(true)));
       app.update();
@@ -27,11 +32,11 @@ const OptiPlanAddress = (() => {
     if (wish.has("signals")) dock.signal(signals(wish.get("signals")));
     if (wish.has("multiples")) { dock.multiples = true; dock.draw(); }
     if (wish.has("of")) dock.look(wish.get("of"));
-    if (scene && (wish.has("hide") || wish.has("pin"))) app.picked.wish = { hidden: names(wish, "hide"), pinned: names(wish, "pin") };
+    if (scene && (wish.has("hide") || wish.has("pin"))) app.picked.wish = { hidden: wish.list("hide"), pinned: wish.list("pin") };
     if (wish.has("tab") && [...dock.tabs.children].some((tab) => tab.dataset.name === wish.get("tab"))) dock.choose(wish.get("tab"));
     const panel = [...document.getElementById("panels").children].find((button) => button.dataset.panel === wish.get("panel"));
     if (panel) panel.click();
-    if (wish.has("layers")) layers.wanted(wish.get("layers").split(","));
+    if (wish.has("layers")) layers.wanted(wish.list("layers"));
     if (wish.has("speed")) clock.setSpeed(Number(wish.get("speed")));
     if (scene && wish.has("cam")) {
       const six = numbers(wish.get("cam"));

@@ -1,12 +1,16 @@
 import json
+import re
 import shutil
 import subprocess
 import sys
+from importlib import resources
+from pathlib import Path
 
 import pytest
 
 import optiplan as op
 from optiplan.cli import viewing
+from optiplan.cli.commands.view import ADDRESS
 
 
 @pytest.fixture
@@ -29,6 +33,19 @@ def test_runs_of_one_problem_go_side_by_side(optiplan, run, tmp_path):
     problem, shown = viewing.open_runs([run, tmp_path / "again"])
     assert problem.name == "free"
     assert [one.label for one in shown] == ["quintic (run)", "quintic (again)"]
+    shutil.copytree(run, tmp_path / "old" / "run")
+    _, shown = viewing.open_runs([run, tmp_path / "old" / "run"])
+    assert [one.label for one in shown] == [f"quintic (run) ({tmp_path.name}/run)", "quintic (run) (old/run)"]
+
+
+def test_every_key_of_the_pages_address_is_known_and_documented():
+    scripts = resources.files("optiplan.viewer") / "web"
+    text = "".join(path.read_text("utf-8") for path in Path(str(scripts)).rglob("*.js"))
+    assert set(re.findall(r"wish\.(?:has|get|list)\(\"(\w+)\"\)", text)) == set(ADDRESS)
+    written = re.findall(r"parts\.push\([^;]*\);", text)
+    assert set(re.findall(r"[`\"](\w+)(?:=|\")", "".join(written))) <= set(ADDRESS)
+    table = (Path(__file__).parents[3] / "docs" / "how-to" / "browser.md").read_text("utf-8")
+    assert all(re.search(rf"`{key}[=&`]|&{key}`", table) for key in ADDRESS)
 
 
 def test_runs_of_different_problems_of_one_robot_go_together(optiplan, run, free, tmp_path):

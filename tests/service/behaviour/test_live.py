@@ -82,6 +82,9 @@ def test_one_more_than_may_run_is_refused_and_the_id_is_gone_when_it_ends(server
     answers = [server.http.post(f"/api/live/{session['id']}/target", json={"pose": [0, 0, 0, 0, 0, 0, 1]})]
     answers.append(server.http.get(f"/api/live/{session['id']}/events"))
     assert [answer.status_code for answer in answers] == [404, 404]
+    assert (
+        server.http.get(f"/api/live/{session['id']}/recording.zip").status_code == 200
+    )  # what was seen of the last one
 
 
 def test_who_comes_to_watch_as_it_ends_hears_so():

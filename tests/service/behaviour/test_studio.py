@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from optiplan.robot.robot import load_robot
 from tests.service.browsing import CHANGED, drag, open_studio, text_of, write
 from tests.service.conftest import NO_WAY, QUICK
 
@@ -34,6 +35,27 @@ def test_an_edit_changes_what_it_names_and_nothing_else(bare, problems):
         assert found["wrong"] == [], path.name
         count += found["count"]
     assert count > 8000
+
+
+@pytest.mark.parametrize(
+    ("text", "path", "value", "after"),
+    [
+        ("a: 1\n", '["goal"]', "{pose: undefined, joints: [1]}", "a: 1\ngoal: {joints: [1]}\n"),
+        ("goal:\na: 1\n", '["goal"]', "{pose: undefined, joints: [1]}", "goal: {joints: [1]}\na: 1\n"),
+        ("goal:\n", '["goal", "joints"]', "[1]", "goal: {joints: [1]}\n"),
+        ("task: [{line: 1}]\n", '["task", 4, "line"]', "2", "task: [{line: 1}]\n"),
+        ("via: [null, 1]\n", '["via", 0]', "{a: 1}", "via: [{a: 1}, 1]\n"),
+    ],
+    ids=["no key", "nothing behind it", "nothing to go into", "beyond the list", "null in a list"],
+)
+def test_an_edit_of_what_is_not_there(bare, text, path, value, after):
+    edits = f"ProblemText.set({json.dumps(text)}, {path}, {value})"
+    assert bare.evaluate(f"ProblemText.applied({json.dumps(text)}, {edits})") == after
+
+
+def test_an_entry_is_added_behind_a_key_without_a_list(bare):
+    after = bare.evaluate("ProblemText.applied('via:\\n', ProblemText.add('via:\\n', ['via'], { a: 1 }))")
+    assert after == "via: [{a: 1}]\n"
 
 
 @wide
@@ -86,6 +108,9 @@ def test_what_is_planned_before_its_text_was_checked_stays(page, server):
     page.wait_for_selector("#state.running")
     page.click("#cancel")  # both of them
     page.wait_for_selector("#state.cancelled")
+    page.evaluate("optiplanStudio.editor.replace(optiplanStudio.editor.text() + 'unknown: 1\\n')")
+    page.wait_for_selector("#issues button")
+    assert page.is_hidden("#watch")  # what was planned is not about this text
 
 
 def test_the_end_of_a_run_is_shown_though_its_stream_is_gone(browser, server):
@@ -121,12 +146,106 @@ def test_a_drag_in_a_task_moves_the_pose_of_its_step(page, server, problems):
     assert page.is_enabled("#plan")
 
 
+GOALS = """\
+version: 1
+name: goals
+robot: panda
+start: {configuration: ready}
+goal: {pose: {frame: panda_link7, position: [0.4, 0.1, 0.6], rpy: [3, 0, 0]}}
+"""
+TASK = """\
+version: 1
+name: steps
+robot: panda
+start: {configuration: ready}
+scene:
+  obstacles:
+    - {name: cube, shape: {box: [0.04, 0.04, 0.04]}, pose: {position: [0.5, 0, 0.021]}}
+task:
+  - {name: over, move: {pose: {position: [0.4, 0.1, 0.5], rpy: [3, 0, 0]}}}
+  - pick: {object: cube, mass: 0.1}
+  - {name: aside, line: {pose: {position: [0.5, 0.2, 0.4], rpy: [3, 0, 0]}}}
+"""
+
+
+@wide
+def test_what_the_scene_writes_goes_where_it_belongs(page, server, problems):
+    """One page for several texts: each takes a second to open."""
+    open_studio(page, server)
+    edits = "([path, before, after]) => PoseText.edits(optiplanStudio.editor.text(), path, before, after)"
+
+    write(page, TASK)  # a pick is four steps of the problem
+    handles = page.evaluate("optiplanStudio.state.handles")
+    assert [one["path"] for one in handles] == [["task", 0, "move", "pose"], ["task", 2, "line", "pose"]]
+    assert page.evaluate("optiplanStudio.scene.obstacles.children.map((one) => one.name)") == ["cube"]
+    moved = [0.5, 0.25, *handles[1]["pose"][2:]]
+    (edit,) = page.evaluate(edits, [handles[1]["path"], handles[1]["pose"], moved])
+    assert TASK[: edit["from"]].endswith("{name: aside, line: {pose: {position: [0.5, ")
+    assert page.is_hidden("#goal")
+    page.evaluate("optiplanStudio.scene.events.goal(null, false, 1)")
+    page.wait_for_function("optiplanStudio.state.branches.length")
+    page.locator("#branches button").first.click()
+    assert page.is_hidden("#take")  # a line leads to a pose only
+    page.evaluate("optiplanStudio.scene.events.goal(null, false, 0)")
+    page.wait_for_function("optiplanStudio.state.branches.length")
+    page.locator("#branches button").first.click()
+    page.click("#take")
+    page.wait_for_function("optiplanStudio.editor.text().includes('{name: over, move: {joints: [')")
+    page.wait_for_selector("#issues .fine")
+
+    text = (problems / "56_conveyor_pick.yaml").read_text()
+    write(page, text)  # its one pose is that of a place
+    assert page.evaluate("optiplanStudio.state.handles") == []
+    assert page.evaluate(edits, [["task", 4, "approach", "pose"], moved, handles[0]["pose"]]) == []
+
+    write(page, GOALS)  # its ways are those of its frame
+    (handle,) = page.evaluate("optiplanStudio.state.handles")
+    page.evaluate("pose => optiplanStudio.scene.events.goal(pose, false)", handle["pose"])
+    page.wait_for_function("optiplanStudio.state.branches.length")
+    q = page.evaluate("optiplanStudio.state.branches[0].q")
+    assert load_robot("panda").fk(q, "panda_link7").position == pytest.approx(handle["pose"][:3], abs=1e-6)
+
+    for end in (
+        "configuration: ready",
+        "joints_deg: [0, -45, 0, -135, 0, 90, 45]",
+        "region: {position: [0.4, 0, 0.5], along: {x: [-0.1, 0.1]}}",
+    ):
+        write(page, GOALS[: GOALS.index("goal:")] + f"goal: {{{end}}}\n")
+        page.wait_for_function("key => key in optiplanStudio.state.problem.goal", arg=end.split(":")[0])
+        assert len(page.evaluate("optiplanStudio.state.handles")) == (not end.startswith("region"))
+        page.evaluate("pose => optiplanStudio.scene.events.goal(pose, true)", handle["pose"])
+        page.wait_for_function("Object.keys(optiplanStudio.state.problem.goal).join() === 'pose'")
+        page.click("#undo")
+        page.click("#goal")
+        page.wait_for_function("Object.keys(optiplanStudio.state.problem.goal).join() === 'joints'")
+
+
+DRAWN_AGAIN = """() => {
+  const { scene, state } = optiplanStudio, { memory } = scene.viewer.renderer.info;
+  return [1, 2, 3].map(() => {
+    scene.show(state.drawn.scene, null);
+    scene.handles([[0, 0, 0, 0, 0, 0, 1]], 1);
+    scene.viewer.render();
+    return memory.geometries;
+  });
+}"""
+
+
+@wide
+def test_a_scene_that_is_drawn_again_takes_no_more_memory(page, server):
+    open_studio(page, server)
+    first, *later = page.evaluate(DRAWN_AGAIN)
+    assert later == [first, first]
+
+
+TYPED = """words => optiplanStudio.editor.view.dispatch(
+  { changes: { from: 0, insert: words + "\\n" }, userEvent: "input.type" })"""
+
+
 @wide
 def test_drafts_survive_a_reload_and_another_example(page, server):
     open_studio(page, server)
-    page.evaluate(
-        "optiplanStudio.editor.view.dispatch({ changes: { from: 0, insert: '# mine\\n' }, userEvent: 'input.type' })"
-    )
+    page.evaluate(TYPED, "# mine")
     mine = text_of(page)
     page.reload()
     page.wait_for_function("window.optiplanStudio && optiplanStudio.editor.text().startsWith('# mine')")
@@ -140,6 +259,41 @@ def test_drafts_survive_a_reload_and_another_example(page, server):
     page.reload()  # an example as it is, is no draft
     page.wait_for_selector("#issues .fine")
     assert page.is_hidden("#notice")
+
+
+@wide
+def test_drafts_of_several_problems_are_kept(page, server):
+    open_studio(page, server)
+    page.evaluate(TYPED, "# first")
+    stored = server.http.post("/api/problems", json={"problem": QUICK}).json()["hash"]
+    page.goto(f"{server.url}/benches")
+    page.goto(f"{server.url}/studio#{stored}")
+    page.wait_for_selector("#issues .fine")
+    assert text_of(page) == QUICK
+    page.evaluate(TYPED, "# second")
+    page.goto(f"{server.url}/benches")
+    page.goto(f"{server.url}/studio")
+    page.wait_for_function("window.optiplanStudio && optiplanStudio.editor.text().startsWith('# second')")
+    page.locator("#notice button", has_text="Open that").click()
+    assert text_of(page).startswith("# first")
+    page.wait_for_selector("#issues .fine")
+
+
+FULL = """() => {
+  Storage.prototype.setItem = () => { throw new Error("full"); };
+  optiplanStudio.editor.replace("name: 3");
+  document.getElementById("theme").click();
+}"""
+
+
+@wide
+def test_a_browser_that_keeps_nothing_still_checks(page, server):
+    open_studio(page, server)
+    theme = page.evaluate("document.documentElement.dataset.theme")
+    page.evaluate(FULL)
+    page.wait_for_selector("#issues button")
+    assert page.is_disabled("#plan")
+    assert page.evaluate("document.documentElement.dataset.theme") != theme
 
 
 @wide

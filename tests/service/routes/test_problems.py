@@ -156,6 +156,13 @@ def test_stored_problems_are_found_by_their_hash(server):
     moved = server.http.post("/api/plan", json={"problem": hash, "start": {"joints": [0.4, 1.0]}}).json()
     assert moved["problem"] != hash
     assert moved["trajectory"]["q"][0] == pytest.approx([0.4, 1.0])
+    planned = server.http.get(f"/api/runs/{moved['id']}/problem").text  # with the start that it was planned from
+    assert server.http.post("/api/problems/validate", json={"problem": planned}).json()["hash"] == moved["problem"]
+    assert server.http.get(f"/api/runs/{run['id']}/problem").text == QUICK
+    asked = {"problem": hash, "goal": {"joints": [-0.4, 1.2]}, "name": "not its own"}
+    other = server.http.post("/api/problems", json=asked).json()["hash"]
+    again = server.http.get(f"/api/problems/{other}").json()["problem"]
+    assert server.http.post("/api/problems/validate", json={"problem": again}).json()["hash"] == other
     assert server.http.delete(f"/api/problems/{hash}").status_code == 204
     assert server.http.post("/api/runs", json={"problem": hash}).status_code == 404
     assert server.ended(run["id"])["status"] == "done"
@@ -280,3 +287,11 @@ def test_what_there_is_to_choose_from(server):
     metrics = server.http.get("/metrics").text
     assert 'optiplan_requests_total{method="GET",status="200"}' in metrics
     assert json.dumps(server.http.get("/openapi.json").json())
+
+
+def test_a_frame_that_the_robot_lacks_is_refused_with_those_that_it_has(server):
+    asked = {"problem": QUICK, "pose": [0.5, 0.18, 0.5, 0, 0, 0, 1], "frame": "tol"}
+    answer = server.http.post("/api/ik", json=asked)
+    assert answer.status_code == 422
+    assert "did you mean 'tool'?" in answer.text
+    assert server.http.post("/api/ik", json=asked | {"frame": "tool"}).status_code == 200

@@ -56,10 +56,19 @@ def comparison_page(proof, refused, tmp_path_factory) -> str:
     runs = [viewed(proof, "as planned"), viewed(refused)]
     for k, factor in enumerate((2.0, 1.5, 0.9)):
         motion = proof.trajectory.scaled(proof.trajectory.duration * factor)
-        runs.append(ViewedRun(f"scaled {k}", motion, op.verify(proof.problem, motion).to_dict(), None, proof.to_dict()))
+        runs.append(
+            ViewedRun(f"scaled, {k}", motion, op.verify(proof.problem, motion).to_dict(), None, proof.to_dict())
+        )
     runs.append(ViewedRun("circle", None, None, {"kind": "input", "detail": "centre: nothing; expected centre"}))
     export_page(proof.problem, runs, path)
     return path.as_uri()
+
+
+UNLIMITED = """() => {
+  for (const { decoded } of optiplan.app.data.runs.filter((run) => run.decoded))
+    for (const one of decoded.quantities.find(({ name }) => name === "jerk").series) one.low = one.high = null;
+  optiplan.app.dock.choose("jerk");
+}"""
 
 
 def time_of(page) -> float:
@@ -183,7 +192,7 @@ def test_a_comparison_is_a_table_and_single_runs_can_be_pointed_at(visit, compar
     page = visit(comparison_page + "#t=0.3&paused")
     page.set_viewport_size({"width": 1280, "height": 800})
     names = page.locator("#runs > .run:not(.head) .name").all_text_contents()
-    assert names == ["as planned", "scaled 1", "scaled 0", "scaled 2"]  # verified by duration, then what was refused
+    assert names == ["as planned", "scaled, 1", "scaled, 0", "scaled, 2"]  # verified by duration, then what was refused
     assert page.locator("#runs .more summary").text_content() == "2 without a motion"
     assert page.locator(".compare thead th").count() == 12
     assert page.locator(".compare tbody tr").count() == 4
@@ -196,11 +205,14 @@ def test_a_comparison_is_a_table_and_single_runs_can_be_pointed_at(visit, compar
     assert page.locator(".own .key button").count() == 3
     colours = page.evaluate("optiplan.scene.runs.map((run) => run.colour)")
     assert len(set(colours)) == 6
+    page.evaluate(UNLIMITED)
+    assert page.locator(".own .head").text_content().startswith("jerk, largest of the joints")
+    assert page.evaluate("optiplan.app.dock.plot.series.every((one) => Math.max(...one.y) > 1.0 && one.high === null)")
     page.locator("#runs .more summary").click()
     page.locator(".still-run", has_text="quintic").click()  # a refused motion is looked at alone
     assert page.evaluate(shown) == [False, True, False, False, False, False]
     assert page.locator("#key").text_content().startswith("quintic: collision")
-    page.evaluate("location.hash = 'runs=scaled%201,scaled%202&run=scaled%201&tab=table'")
+    page.evaluate("location.hash = 'runs=scaled%2C%201,scaled%2C%202&run=scaled%2C%201&tab=table'")
     until(page, "optiplan.app.selected === 3")
     assert page.evaluate(shown) == [False, False, False, True, True, False]
     for width, height in SIZES:
@@ -278,7 +290,7 @@ def test_curves_are_zoomed_and_a_range_is_played_again_and_again(visit, proof_pa
 def test_a_table_tells_differences_to_the_selected_run(visit, comparison_page):
     page = visit(comparison_page)
     page.evaluate("optiplan.app.select(0)")
-    told = page.locator(".compare tbody tr", has_text="scaled 0").locator("td.number").nth(1).text_content()
+    told = page.locator(".compare tbody tr", has_text="scaled, 0").locator("td.number").nth(1).text_content()
     assert told.endswith("+100 %")
     page.evaluate("optiplan.app.select(2)")
     told = page.locator(".compare tbody tr", has_text="as planned").locator("td.number").nth(1).text_content()

@@ -4,7 +4,7 @@ const OptiPlanDock = (() => {
   const { floats, doubles } = OptiPlanPacked, { Plot, make, shared, digits } = OptiPlanCurves, { millimetres } = OptiPlanFacts;
   const MOST = 300; // mm: larger clearances are not shown
   const SAMPLED = "sampled, refined";
-  const WORST = "nearest to its limit"; // instead of a joint, with several runs
+  const WORST = "nearest to its limit", LARGEST = "largest of the joints"; // instead of a joint, with several runs; without limits
 
   // The curves of a run as arrays: { t, quantities: [{ name, unit, of, kind, series: [{ name, t, y, low, high, extrema }] }] }
   function decoded(run) {
@@ -165,7 +165,7 @@ const OptiPlanDock = (() => {
       }
       if (unit && unit.of === "joints" && this.several) {
         const label = make("label", "", "joint "), choice = make("select");
-        choice.append(...[WORST, ...unit.series.map((one) => one.name)].map((name) => new Option(name, name, false, name === this.joint)));
+        choice.append(...[WORST, ...unit.series.map((one) => one.name)].map((name) => new Option(name === WORST ? this.worst : name, name, false, name === this.joint)));
         choice.addEventListener("change", () => { this.joint = choice.value; this.draw(); });
         label.append(choice);
         found.push(label);
@@ -212,18 +212,26 @@ const OptiPlanDock = (() => {
       return { title: unit.name, unit: unit.unit, series: unit.series, share: this.share, said, bands, onHover: unit.of === "joints" ? (name) => this.app.joint(name) : null };
     }
 
-    // One curve a run: of a joint, or of whichever is nearest to its limit at that time.
+    // Whether all runs that are shown have limits of this quantity.
+    get limited() {
+      const own = this.app.data.runs.filter((run, k) => run.curves && this.app.shown[k]).map((run) => this.chosen(run));
+      return own.every((one) => !one || one.series.some(shared));
+    }
+
+    get worst() { return this.limited ? WORST : LARGEST; }
+
+    // One curve a run: of a joint, or of whichever is nearest to its limit at that time; the largest where there is none.
     overlaySpec(unit) {
-      const worst = unit.of === "joints" && this.joint === WORST, series = [];
+      const { limited } = this, worst = unit.of === "joints" && this.joint === WORST, series = [];
       this.app.data.runs.forEach((run, k) => {
         const own = run.curves && this.chosen(run);
         if (!own || !this.app.shown[k]) return;
         const look = { name: run.label, colour: this.app.colour(k), width: k === this.app.selected ? 2.2 : 1.3 };
-        if (worst) series.push({ ...largestShare(own.series), ...look });
+        if (worst) series.push({ ...largest(limited ? own.series.map(shared).filter(Boolean) : own.series, limited), ...look });
         else series.push({ ...(own.series.find((one) => one.name === this.joint) || own.series[0]), ...look });
       });
-      const title = unit.of === "joints" ? `${unit.name}, ${this.joint}` : unit.name;
-      return { title, unit: worst ? "share of the limit" : unit.unit, series, said: unit.kind, onHover: (name) => this.app.solo(this.app.data.runs.findIndex((run) => run.label === name)) };
+      const title = unit.of === "joints" ? `${unit.name}, ${worst ? this.worst : this.joint}` : unit.name;
+      return { title, unit: worst && limited ? "share of the limit" : unit.unit, series, said: unit.kind, onHover: (name) => this.app.solo(this.app.data.runs.findIndex((run) => run.label === name)) };
     }
 
     clearanceSpec() {
@@ -272,10 +280,10 @@ const OptiPlanDock = (() => {
     redraw() { for (const plot of this.plots) plot.redraw(); }
   }
 
-  function largestShare(series) {
-    const shares = series.map(shared).filter(Boolean), { t } = series[0];
-    const y = Float32Array.from(t, (_, k) => Math.max(0, ...shares.map((one) => Math.abs(one.y[k]))));
-    return { t, y, low: null, high: 1, extrema: [] };
+  // The largest magnitude of all at each time; shares have a limit of 1.
+  function largest(series, shares) {
+    const { t } = series[0], y = Float32Array.from(t, (_, k) => Math.max(...series.map((one) => Math.abs(one.y[k]))));
+    return { t, y, low: null, high: shares ? 1 : null, extrema: [] };
   }
 
   return { Dock, nearest, clearance, decoded, digits };
