@@ -32,9 +32,9 @@ class RosPackages:
         return next((folder for folder, own in self._names.items() if own == name), None)
 
     def folders(self, name: str) -> list[Path]:
-        """Return the folders whose package.xml has this name, then those that are called so and have none."""
-        by_name = [folder for folder, own in self._names.items() if not own and folder.name == name]
-        return [*(folder for folder, own in self._names.items() if own == name), *by_name]
+        """Return the folders whose package.xml has this name, then those that are called so."""
+        stated = [folder for folder, own in self._names.items() if own == name]
+        return [*stated, *(folder for folder in self._names if folder.name == name)]
 
     def name_of(self, folder: Path) -> str:
         """Return the name in the package.xml of a folder; empty where it has none."""
