@@ -86,6 +86,9 @@ def read_arguments(robot: Any, arguments: Mapping[str, Any], labels: Mapping[str
     by = robot.reference
     if by == UNKNOWN:
         raise wrong_argument("Problem", "robot", "a robot that was put together by hand", "one that was loaded")
+    if robot.held:
+        found = f"a robot whose joints {', '.join(robot.held)} are fixed by `holding`"
+        raise wrong_argument("Problem", "robot", found, "op.load_robot(…, group=…, locked=…)")
     data |= {"robot": by.robot, "locked": by.locked} | ({} if by.group is None else {"group": by.group})
     own = robot.unmounted.model.existFrame(robot.tool_frame)  # else it is that of a tool of another problem
     if robot.tool_frame != by.tool_frame and own:

@@ -62,7 +62,12 @@ def test_it_is_part_of_what_a_problem_is(tmp_path):
         ),
         (
             "clearance: {pairs: [{of: table, from: panda_link0, at_least: 0.01}]}",
-            "clearance.pairs[0]: pairs that scene.allowed_collisions lets touch; expected pairs that must stay",
+            "clearance.pairs[0]: pairs that are not checked (allowed by scene.allowed_collisions); "
+            "expected pairs that are checked",
+        ),
+        (
+            "clearance: {pairs: [{of: panda_link3, from: panda_link4, at_least: 0.01}]}",
+            "clearance.pairs[0]: pairs that are not checked (adjacent); expected pairs that are checked",
         ),
     ],
 )
