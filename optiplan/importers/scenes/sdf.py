@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from optiplan.errors import InputError, Issue
 from optiplan.files import is_file, read_bytes
-from optiplan.geometry.meshes.reading import open_mesh, read_mesh, read_together
+from optiplan.geometry.meshes.reading import open_mesh, read_mesh
 from optiplan.importers.robots.polyhedra import ellipsoid_hull
 from optiplan.importers.scenes.imported import ImportedScene
 
@@ -184,10 +184,8 @@ def _add_mesh(shape: ET.Element, name: str, X_WC: pin.SE3, place: _Place, scene:
         raise place.issue(shape, f"<scale> '{shape.findtext('scale')}'", "three numbers")
     if shape.find("submesh") is not None:
         scene.notes.append(f"the submesh of {name} is not chosen: the whole mesh is taken")
-    mesh = open_mesh(path)
     try:
-        read_together([mesh])
-        soup = read_mesh(mesh)
+        soup = read_mesh(open_mesh(path))
     except ValueError as error:
         raise place.issue(shape, f"the mesh {path}: {error}", "a mesh that can be read") from error
     scene.add(name, scene.mesh(name, soup.vertices * np.array(scale), soup.triangles), X_WC)
