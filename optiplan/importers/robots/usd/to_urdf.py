@@ -114,13 +114,11 @@ class _UsdWriter:
             self.urdf.joint(self.urdf.free(f"{link}_fixed"), "fixed", (WORLD, link), self.places[path])
             return
         joint, carrier = carried
-        forward = joint.bodies[1] == path
-        X_PF, X_CF = joint.frames if forward else joint.frames[::-1]
-        axis = joint.axis if forward else -joint.axis
+        X_PF, X_CF, axis = _frames(joint, path)
         parent, name = self.names[carrier], self.names[joint.path]
-        q = self._position(joint, carrier, path, (X_PF, X_CF, axis))
-        if not joint.moves or joint.path in self._held:
-            X_PC = X_PF * moved(joint.kind, axis, q) * X_CF.inverse() if joint.moves else X_PF * X_CF.inverse()
+        q, still = self._position(joint, carrier, path), self._still_at(joint.path)
+        if still is not None:
+            X_PC = X_PF * moved(joint.kind, axis, still) * X_CF.inverse() if joint.moves else X_PF * X_CF.inverse()
             self.urdf.joint(name, "fixed", (parent, link), X_PC)
             return
         own = X_CF.isIdentity(1e-12)
@@ -131,9 +129,29 @@ class _UsdWriter:
             self.urdf.link(child)
             self.urdf.joint(self.urdf.free(f"{link}_fixed"), "fixed", (child, link), X_CF.inverse())
 
-    def _position(self, joint: UsdJoint, carrier: str, path: str, frames: tuple[pin.SE3, pin.SE3, Array]) -> float:
+    def _still_at(self, name: str, followers: tuple[str, ...] = ()) -> float | None:
+        """The position at which a joint stands still, itself or with the joint that it follows; None: it moves."""
+        joint = self.joints[name]
+        if not joint.moves:
+            return joint.lower if joint.lower == joint.upper else 0.0
+        if name in self._held:
+            return next(
+                self._position(joint, carried[1], path)
+                for path, carried in self.tree.carried.items()
+                if carried is not None and carried[0] is joint
+            )
+        if joint.mimic is None or joint.mimic[0] not in self.joints or name in followers:
+            return None
+        leader, factor, offset = joint.mimic
+        value = self._still_at(leader, (*followers, name))
+        if value is None:
+            return None
+        self.notes.append(f"{name} stands still with {leader}, which it follows")
+        return factor * value + offset
+
+    def _position(self, joint: UsdJoint, carrier: str, path: str) -> float:
         """The position at which the stage shows a joint, rad or m; a remark where its bodies are not where it says."""
-        X_PF, X_CF, axis = frames
+        X_PF, X_CF, axis = _frames(joint, path)
         X_WP = self.places[carrier] if carrier else pin.SE3.Identity()
         X = (X_WP * X_PF).actInv(self.places[path] * X_CF)
         motion = pin.log6(X)
@@ -236,6 +254,12 @@ class _UsdWriter:
         if any(str(prim.GetTypeName()) == "PhysicsCollisionGroup" for prim in self.stage.prims()):
             self.notes.append("not believed: collision groups; all pairs of links are checked as OptiPlan chooses them")
         return tuple(sorted(pairs))
+
+
+def _frames(joint: UsdJoint, path: str) -> tuple[pin.SE3, pin.SE3, Array]:
+    """The frames of a joint in the body that carries and in the body `path` that is carried, and the axis."""
+    forward = joint.bodies[1] == path
+    return (*(joint.frames if forward else joint.frames[::-1]), joint.axis if forward else -joint.axis)
 
 
 def _empty_frames(stage: UsdStage, body: Any) -> list[Any]:
