@@ -64,8 +64,8 @@ def arguments_data(arguments: Mapping[str, Any]) -> dict[str, Any]:
     """Return parts of a problem, by the names of their arguments, as they stand in a file."""
     written = [(*ARGUMENT_WRITERS[name], value) for name, value in arguments.items()]
     found = {key: write(value) for key, write, value in written}
-    if isinstance(scene := arguments.get("scene"), Scene) and scene.safety is not None:
-        found.setdefault("clearance", scene.safety.to_data())
+    if isinstance(scene := arguments.get("scene"), Scene) and (scene.safety is not None or scene.unwished):
+        found.setdefault("clearance", 0.0 if scene.safety is None else scene.safety.to_data())
     return found
 
 
