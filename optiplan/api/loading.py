@@ -66,7 +66,6 @@ def load_robot(source: Path | str, *, group: str | None = None, locked: Mapping[
     for joint, q in (locked or {}).items():
         if not is_finite(q):
             raise wrong_argument("load_robot", f"locked[{joint!r}]", described(q), "a finite number, rad or m")
-    locked = None if locked is None else {joint: float(q) for joint, q in locked.items()}
     if Path(source).suffix.lower() == ".urdf":
         if group is not None:
             raise wrong_argument("load_robot", "group", f"'{group}'", "none, since a URDF alone has no groups")

@@ -405,6 +405,7 @@ def load_robot(
         InputError: anything in the robot.yaml or its URDF, SRDF and meshes that cannot be used.
         UnknownChoiceError: `ref` is neither a robot's name nor a path, or there is no such group.
     """
+    locked = {joint: float(q) if is_finite(q) else q for joint, q in (locked or {}).items()}  # numpy's, too
     key, began = _loaded.key(ref, base, locked, group), _loaded.now()
     robot = _loaded.get(key)
     if robot is None:
