@@ -144,10 +144,7 @@ def read_side_by_side(
         InputError: an arm that cannot be loaded, a joint that there is not, arms that stand in each other.
         UnknownChoiceError: there is no such group.
     """
-    spec = validate(SideBySideSpec, document)
-    if ALL in spec.robots:
-        expected = f"another name, since `{ALL}` is the group of all arms"
-        raise InputError([document.issue((ROBOTS, ALL), f"an arm called '{ALL}'", expected)])
+    spec = _spec(document)
     wanted = dict(locked or {})
     first = {name: _loaded(document, name, spec, load) for name in sorted(spec.robots)}
     _refuse_unknown(document, first, wanted)
@@ -198,6 +195,14 @@ def read_side_by_side(
         mecanum=_mecanum(document, arms),
         reference=Reference({ROBOTS: entries} if inline else str(document.path), group, wanted, tool),
     )
+
+
+def _spec(document: Document) -> SideBySideSpec:
+    spec = validate(SideBySideSpec, document)
+    if ALL in spec.robots:
+        expected = f"another name, since `{ALL}` is the group of all arms"
+        raise InputError([document.issue((ROBOTS, ALL), f"an arm called '{ALL}'", expected)])
+    return spec
 
 
 def _loaded(document: Document, name: str, spec: SideBySideSpec, load: "Callable[..., Robot]") -> "Robot":

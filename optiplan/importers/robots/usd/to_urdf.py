@@ -16,8 +16,8 @@ from optiplan.arrays import Array
 from optiplan.config.messages import some
 from optiplan.importers.robots.description import Description
 from optiplan.importers.robots.urdf_shapes import MeshFiles, add_shape
-from optiplan.importers.robots.urdf_tree import UrdfTree
-from optiplan.importers.robots.usd.joints import SLIDES, TURNS, UsdJoint, moved, read_joints
+from optiplan.importers.robots.urdf_tree import FAR, WORLD, UrdfTree, moved
+from optiplan.importers.robots.usd.joints import SLIDES, TURNS, UsdJoint, read_joints
 from optiplan.importers.robots.usd.masses import body_inertia
 from optiplan.importers.robots.usd.shapes import NOT_READ, UsdShape, gprims, shape_of
 from optiplan.importers.robots.usd.stage import UsdStage, schemas
@@ -25,10 +25,6 @@ from optiplan.importers.robots.usd.tree import Articulation, read_tree, rigid_bo
 from optiplan.robot.urdf.elements import inertial_element, number_words
 from optiplan.robot.urdf.srdf import LinkPair, link_pair
 
-FAR = 100.0
-"""m; a slide without limits is given these, since a URDF has no endless ones."""
-
-WORLD = "world"
 DRAWN = "drawn"
 """The configuration in which the stage shows the robot."""
 
@@ -118,7 +114,11 @@ class _UsdWriter:
         parent, name = self.names[carrier], self.names[joint.path]
         q, still = self._position(joint, carrier, path), self._still_at(joint.path)
         if still is not None:
-            X_PC = X_PF * moved(joint.kind, axis, still) * X_CF.inverse() if joint.moves else X_PF * X_CF.inverse()
+            X_PC = (
+                X_PF * moved(joint.kind == TURNS, axis, still) * X_CF.inverse()
+                if joint.moves
+                else X_PF * X_CF.inverse()
+            )
             self.urdf.joint(name, "fixed", (parent, link), X_PC)
             return
         own = X_CF.isIdentity(1e-12)
@@ -160,7 +160,7 @@ class _UsdWriter:
             q = float(axis @ pin.log3(X.rotation))
         elif joint.kind == SLIDES:
             q = float(axis @ X.translation)
-        off = pin.log6(moved(joint.kind, axis, q).actInv(X)) if joint.moves else motion
+        off = pin.log6(moved(joint.kind == TURNS, axis, q).actInv(X)) if joint.moves else motion
         if max(np.linalg.norm(off.linear), np.linalg.norm(off.angular)) > OFF:
             self.notes.append(f"{path} is not drawn where the joint {joint.path} puts it: the joint counts")
         if joint.moves and not joint.lower <= q <= joint.upper:
