@@ -114,12 +114,8 @@ class _UsdWriter:
         parent, name = self.names[carrier], self.names[joint.path]
         q, still = self._position(joint, carrier, path), self._still_at(joint.path)
         if still is not None:
-            X_PC = (
-                X_PF * moved(joint.kind == TURNS, axis, still) * X_CF.inverse()
-                if joint.moves
-                else X_PF * X_CF.inverse()
-            )
-            self.urdf.joint(name, "fixed", (parent, link), X_PC)
+            X_FF = moved(joint.kind == TURNS, axis, still) if joint.moves else pin.SE3.Identity()
+            self.urdf.joint(name, "fixed", (parent, link), X_PF * X_FF * X_CF.inverse())
             return
         own = X_CF.isIdentity(1e-12)
         child = link if own else self.urdf.free(f"{name}_frame")
