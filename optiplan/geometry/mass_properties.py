@@ -1,10 +1,12 @@
 """Mass properties of bodies of uniform density: volume, centre of mass, moments of inertia."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 import coal
 import numpy as np
+import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.geometry.convex import mesh_triangles, mesh_vertices
@@ -72,3 +74,24 @@ def _of_mesh(mesh: coal.BVHModelBase) -> MassProperties:
     centre = first / volume
     spread = second / volume - np.outer(centre, centre)
     return MassProperties(volume, origin + centre, np.trace(spread) * np.eye(3) - spread)
+
+
+def primitive_inertia(kind: str, sizes: Sequence[float], mass: float | None = None) -> pin.Inertia:
+    """Return the inertia, kg m², of a filled primitive about its own frame.
+
+    Args:
+        kind: `box`, `sphere`, `cylinder` or `capsule`.
+        sizes: m: three edges; the radius; or the radius and the length, of a capsule without its caps.
+        mass: kg; None: that of 1 kg/m³, which is the volume, m³.
+    """
+    if kind == "box":
+        x, y, z = sizes
+        return pin.Inertia.FromBox(x * y * z if mass is None else mass, x, y, z)
+    radius = sizes[0]
+    if kind == "sphere":
+        return pin.Inertia.FromSphere(4.0 / 3.0 * np.pi * radius**3 if mass is None else mass, radius)
+    length = sizes[1]
+    if kind == "cylinder":
+        return pin.Inertia.FromCylinder(np.pi * radius**2 * length if mass is None else mass, radius, length)
+    volume = np.pi * radius**2 * (length + 4.0 / 3.0 * radius)
+    return pin.Inertia.FromCapsule(volume if mass is None else mass, radius, length)

@@ -78,9 +78,8 @@ class Obstacle:
             >>> op.Box("cart", size=(0.3, 0.2, 0.2), position=(0.5, -0.6, 0.3)).moving([[0], [0, 0.2], [0]], until=3.0)
             Obstacle: cart, Box(size=(0.3, 0.2, 0.2)), at [0.5, -0.6, 0.3] m, moving
         """
-        rows = [[0.0]] * 3 if polynomial is None and turn is not None else []
-        rows = [list(row) for row in polynomial or ()] if polynomial is not None and _three_rows(polynomial) else rows
-        if not rows or not all(is_finite(value) for row in rows for value in row):
+        rows = [[0.0]] * 3 if polynomial is None and turn is not None else _rows(polynomial)
+        if len(rows) != 3 or not all(is_finite(value) for row in rows for value in row):
             expected = "coefficients of x, y and z: three lists of finite numbers"
             raise wrong_argument("Obstacle.moving", "polynomial", described(polynomial), expected)
         if until is not None and not (is_finite(until) and until > 0.0):
@@ -177,6 +176,7 @@ class Scene:
         attached: bodies that the robot holds.
         allowed: pairs of names that may touch.
         safety: how far bodies stay apart: a `Safety`, or a distance in m for all pairs; None: they do not touch.
+        unwished: whether no clearance is wished either, as `safety=0` says.
 
     Raises:
         InputError: an entry of another type, or no distance.
@@ -192,6 +192,7 @@ class Scene:
     attached: tuple[Attachment, ...]
     allowed: frozenset[frozenset[str]]
     safety: Safety | None
+    unwished: bool
 
     def __init__(
         self,
@@ -199,11 +200,13 @@ class Scene:
         attached: Iterable[Attachment] = (),
         allowed: Iterable[Iterable[str]] = (),
         safety: Safety | float | None = None,
+        unwished: bool = False,
     ) -> None:
         object.__setattr__(self, "obstacles", _all(obstacles, Obstacle, "obstacles"))
         object.__setattr__(self, "attached", _all(attached, Attachment, "attached"))
         object.__setattr__(self, "allowed", frozenset(map(_pair, _listed(allowed, "allowed", "pairs of names"))))
         object.__setattr__(self, "safety", Safety.of(safety))
+        object.__setattr__(self, "unwished", unwished or (safety is not None and self.safety is None))
 
     def ending_at(self, *ends: Array) -> "Scene":
         """Return the scene for a motion with these ends (n,), see `Safety`; itself where no distance is asked."""
@@ -250,7 +253,8 @@ class Scene:
         held = [body for body in self.attached if body.name not in names]
         held += [body for body in bodies if isinstance(body, Attachment)]
         kept += [body for body in bodies if not isinstance(body, Attachment)]
-        return Scene(kept, held, [*self.allowed, *_listed(allowed, "allowed", "pairs of names")], self.safety)
+        pairs = [*self.allowed, *_listed(allowed, "allowed", "pairs of names")]
+        return Scene(kept, held, pairs, self.safety, self.unwished)
 
     def without(self, *names: str) -> "Scene":
         """Return a new scene without these obstacles and attached objects, and without their allowed pairs.
@@ -265,6 +269,7 @@ class Scene:
             [body for body in self.attached if body.name not in names],
             [pair for pair in self.allowed if not pair & set(names)],
             self.safety,
+            self.unwished,
         )
 
     def moved(self, name: str, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Scene":
@@ -282,6 +287,7 @@ class Scene:
             [_moved(body, by) if body.name == name else body for body in self.attached],
             self.allowed,
             self.safety,
+            self.unwished,
         )
 
     def _known(self, name: str) -> None:
@@ -327,7 +333,8 @@ def turning_data(turn: Any, position: Array) -> dict[str, Any] | None:
     if turn is None:
         return None
     said = dict(turn) if isinstance(turn, Mapping) else {}
-    parts = {key: list(said.get(key, ())) for key in ("axis", "angle")} | {"about": list(said.get("about", position))}
+    usual = {"axis": (), "angle": (), "about": position}
+    parts = dict(zip(usual, _rows([said.get(key, value) for key, value in usual.items()]) or [[], [], []], strict=True))
     sound = said.keys() <= parts.keys() and len(parts["axis"]) == len(parts["about"]) == 3 and bool(parts["angle"])
     sound = sound and all(is_finite(value) for part in parts.values() for value in part)
     if not sound or not np.linalg.norm(parts["axis"]) > 0.0:
@@ -336,12 +343,12 @@ def turning_data(turn: Any, position: Array) -> dict[str, Any] | None:
     return parts
 
 
-def _three_rows(polynomial: Any) -> bool:
+def _rows(values: Any) -> list[list[Any]]:
+    """Return lists of lists, or of other sequences; none of anything else."""
     try:
-        rows = [list(row) for row in polynomial]
+        return [list(row) for row in values]
     except TypeError:
-        return False
-    return len(rows) == 3
+        return []
 
 
 def _moved(body: Body, by: Array) -> Body:
@@ -349,7 +356,10 @@ def _moved(body: Body, by: Array) -> Body:
     X = getattr(body, name)
     there = X.translation + by
     stated = None if body.stated is None else {**body.stated, "position": there.tolist()}
-    return replace(body, **{name: pin.SE3(X.rotation, there), "stated": stated})
+    changes: dict[str, Any] = {name: pin.SE3(X.rotation, there), "stated": stated}
+    if isinstance(body, Obstacle) and body.motion is not None and body.motion.point is not None:
+        changes["motion"] = replace(body.motion, point=body.motion.point + by)
+    return replace(body, **changes)
 
 
 def _all(bodies: Iterable[Any], kind: type[Body], argument: str) -> tuple[Body, ...]:

@@ -64,8 +64,8 @@ def arguments_data(arguments: Mapping[str, Any]) -> dict[str, Any]:
     """Return parts of a problem, by the names of their arguments, as they stand in a file."""
     written = [(*ARGUMENT_WRITERS[name], value) for name, value in arguments.items()]
     found = {key: write(value) for key, write, value in written}
-    if isinstance(scene := arguments.get("scene"), Scene) and scene.safety is not None:
-        found.setdefault("clearance", scene.safety.to_data())
+    if isinstance(scene := arguments.get("scene"), Scene) and (scene.safety is not None or scene.unwished):
+        found.setdefault("clearance", 0.0 if scene.safety is None else scene.safety.to_data())
     return found
 
 
@@ -86,6 +86,9 @@ def read_arguments(robot: Any, arguments: Mapping[str, Any], labels: Mapping[str
     by = robot.reference
     if by == UNKNOWN:
         raise wrong_argument("Problem", "robot", "a robot that was put together by hand", "one that was loaded")
+    if robot.held:
+        found = f"a robot whose joints {', '.join(robot.held)} are fixed by `holding`"
+        raise wrong_argument("Problem", "robot", found, "op.load_robot(…, group=…, locked=…)")
     data |= {"robot": by.robot, "locked": by.locked} | ({} if by.group is None else {"group": by.group})
     own = robot.unmounted.model.existFrame(robot.tool_frame)  # else it is that of a tool of another problem
     if robot.tool_frame != by.tool_frame and own:

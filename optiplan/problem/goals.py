@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags
 from optiplan.collision.model import CollisionModel
 from optiplan.kinematics.ik.joint_wraps import endless_turns, whole_turns
 from optiplan.problem.goals_and_vias import AllOfGoal
@@ -22,6 +22,7 @@ NoGoal = Literal["goal-unreachable", "goal-in-collision"]
 """Why no configuration is in the goal: none reaches it, or all that do are in collision."""
 
 _DISTINCT = 0.1  # rad or m: least difference of configurations in a region
+_MOST_TURNS = 64  # images by whole turns of a stated configuration: of six endless joints all
 SHARE = 0.5  # share of a tolerance that a solution may use; the rest is for the error of planning
 
 
@@ -62,7 +63,7 @@ class GoalSet:
 def listed_ends(problem: Problem) -> list[Array]:
     """Return the configurations (n,) that the goal lists, joints without limits at the turns nearest to the start."""
     listed = [goal.q for goal in problem.goal if isinstance(goal, JointGoal)]
-    return [turned for q in listed for turned in endless_turns(problem.robot, q, problem.start)]
+    return [turned for q in listed for turned in endless_turns(problem.robot, q, problem.start, _MOST_TURNS)]
 
 
 def goal_configurations(
@@ -80,9 +81,9 @@ def goal_configurations(
         good = [q for q in candidates if not model.collides(q)]
         if not good:
             refusals.append(_all_collide(model, candidates))
+        moving = None if isinstance(goal, JointGoal) else _moving(problem.robot, goal)
         for q in good:
-            stated = isinstance(goal, JointGoal)
-            images = [q] if stated else whole_turns(problem.robot, q, problem.start, options.count)
+            images = [q] if moving is None else whole_turns(problem.robot, q, problem.start, options.count, moving)
             known = np.array(free).reshape(-1, len(q))
             free += [image for image in images if not (np.abs(known - image).max(axis=1) < 1e-6).any()]
     if not free:
@@ -95,18 +96,23 @@ def _candidates(
     problem: Problem, goal: GoalEnd, rng: np.random.Generator, options: GoalOptions
 ) -> list[Array] | GoalSet:
     if isinstance(goal, JointGoal):
-        return endless_turns(problem.robot, goal.q, problem.start)
+        return endless_turns(problem.robot, goal.q, problem.start, _MOST_TURNS)
     from optiplan.kinematics.ik.numeric import random_seeds
-    from optiplan.problem.regions.together import joints_of
 
     robot = problem.robot
-    moving = joints_of(robot, goal)
+    moving = _moving(robot, goal)
     named = [np.where(moving, q, problem.start) for q in (problem.start, *robot.configurations.values())]
     drawn = random_seeds(robot, problem.start, rng, options.attempts)
     seeds = [np.where(moving, q, problem.start) for q in drawn]
     if isinstance(goal, RegionGoal | AllOfGoal):
         return _in_region(robot, goal, (named, seeds), rng, options)
     return _solve(robot, goal, named + seeds, options)
+
+
+def _moving(robot: Robot, goal: PoseGoal | RegionGoal | AllOfGoal) -> Flags:
+    from optiplan.problem.regions.together import joints_of
+
+    return joints_of(robot, goal)
 
 
 def _in_region(

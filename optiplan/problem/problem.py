@@ -202,7 +202,7 @@ class Problem(ReadOnlyArrays, FreeSpace):
 
     def _there(self, goal: JointGoal, q: Array) -> bool:
         """Whether q (n,) is at a goal, up to whole turns of joints that turn without end."""
-        nearest = endless_turns(self.robot, goal.q, q)[0]
+        nearest = endless_turns(self.robot, goal.q, q, 1)[0]
         return bool((np.abs(q - nearest) <= 2.0 * goal.tolerance).all())
 
     def lower_bounds(self, ends: Array | Sequence[Array]) -> Array:

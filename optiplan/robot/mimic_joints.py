@@ -6,12 +6,15 @@ Pinocchio's derivatives of inverse dynamics do not support such joints; `unfold`
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Flags
+
+if TYPE_CHECKING:
+    from optiplan.robot.robot import Robot
 
 SMALLEST, LARGEST = 1e-6, 1e6
 """Bounds of |multiplier|, rad or m of the follower a rad or m of the leader; 0 is a follower that stands still."""
@@ -229,3 +232,23 @@ def held_model(
     reduced, around = pin.buildReducedModel(plain, bodies, ids, q)
     left = {name: mimic for name, mimic in followers.items() if name not in fixed}
     return fold(reduced, left), around
+
+
+def held_parts(robot: "Robot", held: Mapping[str, float]) -> dict[str, Any]:
+    """Return what differs in a robot, by attribute, where these planned joints are fixed, rad or m."""
+    model, geometry = held_model(robot.model, robot.geometry, robot.followers, held)
+    kept = [j for j, name in enumerate(robot.joint_names) if name not in held]
+    names = tuple(robot.joint_names[j] for j in kept)
+    wheels = robot.mecanum is not None and set(robot.mecanum.joints) <= set(names)
+    return {
+        "model": model,
+        "geometry": geometry,
+        "limits": robot.limits.of_joints(kept),
+        "joint_names": names,
+        "configurations": {name: q[kept] for name, q in robot.configurations.items()},
+        "build_visual": lambda: held_model(robot.model, robot.build_visual(), robot.followers, held)[1],
+        "locked": {**robot.locked, **held},
+        "followers": {name: one for name, one in robot.followers.items() if one.source not in held},
+        "mecanum": robot.mecanum if wheels else None,
+        "held": {**robot.held, **held},
+    }

@@ -1,7 +1,7 @@
 """The robot: kinematics, collision geometry and limits of the planned joints, loaded once and never changed."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, is_finite
 from optiplan.cache import MostRecent
 from optiplan.config.document import plain
 from optiplan.config.messages import choices
-from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError, path_argument, wrong_argument
+from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError, described, path_argument, wrong_argument
 from optiplan.files import reading
 from optiplan.geometry.pose import Pose, Values
 from optiplan.robot.batched.kinematics import BatchKinematics
@@ -23,13 +23,15 @@ from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.given_configurations import configuration
 from optiplan.robot.limits import Limits, joint_unit
 from optiplan.robot.loaded_robots import LoadedRobots
-from optiplan.robot.mimic_joints import held_model, turning
+from optiplan.robot.mimic_joints import held_parts, turning
 from optiplan.robot.mounting import Mounting
 from optiplan.robot.read_robot import RobotParts, read_robot
 from optiplan.robot.reference import DESCRIPTION, Reference, robot_file, robot_names, several_robots
 from optiplan.robot.self_collision.pair_bounds import LocalBox, local_box
+from optiplan.robot.self_collision.pair_proof import BEYOND
 from optiplan.robot.self_collision.pair_survey import PairSurvey, survey_pairs
 from optiplan.robot.self_collision.pairs import PROVED, set_pairs
+from optiplan.robot.urdf.srdf import LinkPair
 
 __all__ = ["DESCRIPTION", "Limits", "Reference", "Robot", "load_robot", "robot_file", "robot_names"]
 
@@ -313,39 +315,35 @@ class Robot(RobotParts):
     def holding(self, values: Mapping[str, float]) -> "Robot":
         """Return the robot with these planned joints fixed, rad or m, and the others planned.
 
-        Its configurations are among those of this robot, so the proofs for pairs of links remain valid.
+        Its configurations are among those of this robot, so the proofs for pairs of links remain valid. Where a joint
+        is fixed beyond its limits they do not, and these pairs are checked.
 
         Raises:
             UnknownChoiceError: a name that is no planned joint.
+            InputError: a value that is no finite number.
         """
-        for name in values:
+        for name, value in values.items():
             if name not in self.joint_names:
                 raise UnknownChoiceError("joint", name, self.joint_names)
+            if not is_finite(value):
+                raise wrong_argument("Robot.holding", f"values['{name}']", described(value), "a number, rad or m")
         if not values:
             return self
-        bare = self._dismounted()
-        model, geometry = held_model(bare.model, bare.geometry, bare.followers, values)
-        kept = [j for j, name in enumerate(bare.joint_names) if name not in values]
-        names = tuple(bare.joint_names[j] for j in kept)
-        wheels = bare.mecanum if bare.mecanum is not None and set(bare.mecanum.joints) <= set(names) else None
-        reduced = replace(
-            bare,
-            model=model,
-            geometry=geometry,
-            limits=bare.limits.of_joints(kept),
-            joint_names=names,
-            configurations={name: q[kept] for name, q in bare.configurations.items()},
-            build_visual=lambda: held_model(bare.model, bare.build_visual(), bare.followers, values)[1],
-            locked={**bare.locked, **values},
-            followers={name: one for name, one in bare.followers.items() if one.source not in values},
-            mecanum=wheels,
-            held={**bare.held, **values},
-        )
-        return reduced.mounted(self.mounting)
+        bare, fixed = self._dismounted(), {name: float(value) for name, value in values.items()}
+        own = self.limits.of_joints([self.joint_names.index(name) for name in fixed])
+        q = np.array(list(fixed.values()))
+        if ((q < own.lower - BEYOND) | (q > own.upper + BEYOND)).any():
+            bare = bare.with_proved_checked()
+        return replace(bare, **held_parts(bare, fixed)).mounted(self.mounting)
 
-    def with_proved_checked(self) -> "Robot":
-        """Return the same robot with pairs checked that are proved apart, for queries of larger distances."""
-        allowed = {pair: reason for pair, reason in self.allowed.items() if reason != PROVED}
+    def with_proved_checked(self, only: Collection[LinkPair] | None = None) -> "Robot":
+        """Return the same robot with pairs checked that are proved apart, for queries of larger distances.
+
+        Args:
+            only: of these pairs; None: all.
+        """
+        kept = [pair for pair, why in self.allowed.items() if why != PROVED or (only is not None and pair not in only)]
+        allowed = {pair: self.allowed[pair] for pair in kept}
         geometry = self.geometry.copy()
         set_pairs(self.model, geometry, allowed)
         return replace(self, geometry=geometry, allowed=allowed)
@@ -353,7 +351,7 @@ class Robot(RobotParts):
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Return the call that loads it: models of pinocchio and coal cannot be pickled completely."""
         locked = {name: q for name, q in self.locked.items() if name not in self.held}
-        parts = locked, self.group, self.fingerprint, dict(self.held)
+        parts = locked, self.group, self.fingerprint, dict(self.held), frozenset(self.allowed)
         by = self.reference.robot
         ref = by if isinstance(by, Mapping) else str(self.source)
         return _reload, (ref, parts, self.limits, self.tool_frame, self.mounting)
@@ -367,15 +365,17 @@ class Robot(RobotParts):
 
 def _reload(
     source: str | Mapping[str, Any],
-    parts: tuple[dict[str, float], str | None, str, dict[str, float]],
+    parts: tuple[dict[str, float], str | None, str, dict[str, float], frozenset[LinkPair]],
     limits: Limits,
     tool_frame: str,
     mounting: Mounting,
 ) -> Robot:
-    locked, group, fingerprint, held = parts
+    locked, group, fingerprint, held, allowed = parts
     robot = load_robot(source, locked=locked, group=group)
     if robot.fingerprint != fingerprint:
         raise OptiPlanError(f"robot {robot.name} is not what it was when it was loaded: its files have changed")
+    if checked := robot.allowed.keys() - allowed:
+        robot = robot.with_proved_checked(checked)
     return replace(robot.holding(held), limits=limits, tool_frame=tool_frame).mounted(mounting)
 
 
@@ -405,6 +405,7 @@ def load_robot(
         InputError: anything in the robot.yaml or its URDF, SRDF and meshes that cannot be used.
         UnknownChoiceError: `ref` is neither a robot's name nor a path, or there is no such group.
     """
+    locked = {joint: float(q) if is_finite(q) else q for joint, q in (locked or {}).items()}  # numpy's, too
     key, began = _loaded.key(ref, base, locked, group), _loaded.now()
     robot = _loaded.get(key)
     if robot is None:

@@ -106,7 +106,8 @@ def _arm_data(name: str, arm: Any, function: str) -> dict[str, Any]:
     use, base = said["use"], said.get("base")
     ref = getattr(use, "reference", None)
     if isinstance(ref, Reference):
-        if ref.robot == "" or ref.group is not None or ref.locked or use.tool_frame != ref.tool_frame:
+        own = ref.group is not None or ref.locked or use.held or use.tool_frame != ref.tool_frame
+        if ref.robot == "" or own:
             found = f"a robot {use.name} with a group, locked joints or tool of its own"
             raise wrong_argument(
                 function, f"{ROBOTS}[{name!r}]", found, "one as its files say; `group` is of the whole"
@@ -143,7 +144,7 @@ def read_side_by_side(
         InputError: an arm that cannot be loaded, a joint that there is not, arms that stand in each other.
         UnknownChoiceError: there is no such group.
     """
-    spec = validate(SideBySideSpec, document)
+    spec = _spec(document)
     wanted = dict(locked or {})
     first = {name: _loaded(document, name, spec, load) for name in sorted(spec.robots)}
     _refuse_unknown(document, first, wanted)
@@ -194,6 +195,14 @@ def read_side_by_side(
         mecanum=_mecanum(document, arms),
         reference=Reference({ROBOTS: entries} if inline else str(document.path), group, wanted, tool),
     )
+
+
+def _spec(document: Document) -> SideBySideSpec:
+    spec = validate(SideBySideSpec, document)
+    if ALL in spec.robots:
+        expected = f"another name, since `{ALL}` is the group of all arms"
+        raise InputError([document.issue((ROBOTS, ALL), f"an arm called '{ALL}'", expected)])
+    return spec
 
 
 def _loaded(document: Document, name: str, spec: SideBySideSpec, load: "Callable[..., Robot]") -> "Robot":

@@ -150,8 +150,8 @@ def _task(problem: Problem) -> list[str]:
     return [*(one for k, step in enumerate(problem.task) for one in steps(k, step)), *arms(problem)]
 
 
-_OF_SCENE = frozenset({"obstacles", "attached", "allowed", "safety"})
-"""Fields of a scene that are known; what may touch is no requirement."""
+_OF_SCENE = frozenset({"obstacles", "attached", "allowed", "safety", "unwished"})
+"""Fields of a scene that are known; what may touch, and that nothing is wished, is no requirement."""
 
 _LABELS = frozenset({"name", "planner", "options", "seed", "source", "hash", "objective", "wished_clearance"})
 """Fields of a problem that require nothing of a motion; the objective is what it costs."""

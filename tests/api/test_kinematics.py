@@ -155,3 +155,10 @@ def test_errors_name_the_call_and_the_choices(panda, shelf, call, words):
     with pytest.raises(op.InputError) as caught:
         call(panda, shelf)
     assert str(caught.value).startswith(words)
+
+
+@pytest.mark.parametrize("q", [np.float32(0.02), np.int64(0)])
+def test_locked_joints_may_be_numbers_of_numpy(q):
+    robot = op.load_robot("panda", locked={"panda_finger_joint1": q})
+    assert robot.locked["panda_finger_joint1"] == float(q)
+    assert type(robot.reference.locked["panda_finger_joint1"]) is float

@@ -7,7 +7,7 @@ import pytest
 import optiplan as op
 from optiplan._core import variants
 from optiplan.collision import floors
-from optiplan.collision.floors import KEPT, floors_of, with_built
+from optiplan.collision.floors import KEPT, floors_of, with_asked_checked, with_built
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import planning_model
 from optiplan.geometry.scene import Box, Obstacle, Scene
@@ -211,3 +211,15 @@ def test_edges_and_sweeps_that_the_core_proves_keep_the_floors(panda, ready, sce
             floor = asked.floors.over(pairs, np.tile(q, (len(near), 1)), np.zeros((len(near), 7)))
             assert all(contact.distance > least for contact, least in zip(near, floor, strict=True))
     assert 2 < sum(verdicts) < 28
+
+
+def test_links_of_two_arms_that_are_proved_apart_are_checked_where_more_than_that_is_asked():
+    arms = {"left": {"use": "planar2r", "base": op.Pose((0, 3.0, 0))}, "right": "planar2r"}
+    robot = op.Robot.side_by_side(arms)
+    between = {pair for pair, why in robot.allowed.items() if why == "proved" and pair[0][:4] != pair[1][:4]}
+    assert between
+    checked = with_asked_checked(op.Safety(own=0.005), robot)
+    assert robot.allowed.keys() - checked.allowed.keys() == between
+    assert with_asked_checked(op.Safety(0.005, own=0.005), robot) is checked
+    assert with_asked_checked(op.Safety(0.005), robot) is robot
+    assert with_asked_checked(None, robot) is robot

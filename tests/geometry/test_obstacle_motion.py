@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import optiplan as op
 from optiplan.geometry.obstacle_motion import ObstacleMotion
 
 ROWS = [[0.1, 0.3, -0.05], [0.0, -0.2], [0.0, 0.0, 0.1, 0.02]]
@@ -47,3 +48,32 @@ def test_equal_motions_have_equal_keys(motion):
     again = ObstacleMotion.of_data(**motion.to_data())
     assert again.key == motion.key
     assert again.key != ObstacleMotion.of_data([[0.0, 0.1], [0.0], [0.0]]).key
+
+
+def test_a_body_that_turns_is_moved_with_the_axis_about_which_it_does():
+    fan = op.Box("fan", size=(0.2, 0.1, 0.1), position=(0.5, 0.2, 0.3)).moving(ROWS, turn=TURN)
+    scene, by = op.Scene([fan]), np.array([1.0, -2.0, 0.5])
+    (moved,) = scene.moved("fan", *by).obstacles
+    for t in (0.0, 0.7, 2.0):
+        before, after = (one.motion.pose(t) * one.X_WO for one in (fan, moved))
+        assert after.translation == pytest.approx(before.translation + by, abs=1e-12)
+        assert after.rotation == pytest.approx(before.rotation, abs=1e-12)
+
+
+def test_a_motion_is_given_by_any_sequences():
+    box = op.Box("box", size=(0.2, 0.1, 0.1))
+    rows = [[0.0, 0.0], [0.0, 0.2], [0.0, 0.0]]
+    for given in (np.array(rows), (row for row in rows), tuple(map(tuple, rows))):
+        assert box.moving(given).motion.key == box.moving(rows).motion.key
+
+
+@pytest.mark.parametrize("turn", [{"axis": 3, "angle": [1.0]}, {**TURN, "about": None}, {"axis": [0, 0, 1]}, 3])
+def test_a_turn_that_is_none_is_refused(turn):
+    with pytest.raises(op.InputError, match=r"turn: .*; expected `axis`"):
+        op.Box("box", size=(0.2, 0.1, 0.1)).moving(turn=turn)
+
+
+@pytest.mark.parametrize("polynomial", [None, 3, [1, 2, 3], [[0], [0]], [[0], [np.nan], [0]], ["a", "b", "c"]])
+def test_a_displacement_that_is_none_is_refused(polynomial):
+    with pytest.raises(op.InputError, match=r"polynomial: .*; expected coefficients"):
+        op.Box("box", size=(0.2, 0.1, 0.1)).moving(polynomial)

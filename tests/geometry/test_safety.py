@@ -54,6 +54,10 @@ def test_every_scene_that_is_made_of_one_keeps_its_safety():
     others = [scene.moved("box", x=1.0), scene.without("ball"), scene.with_(op.Sphere("two", 0.1)), scene.later(1.0)]
     others += [scene.with_attached(ball.attached_to("hand")), scene.standing]
     assert all(one.safety.same_as(scene.safety) for one in others)
+    assert not scene.unwished
+    none = op.Scene([box, ball], safety=0)
+    others = [none.moved("box", x=1.0), none.without("ball"), none.with_(op.Sphere("two", 0.1)), none.later(1.0)]
+    assert all(one.safety is None and one.unwished for one in [none, *others, none.standing])
 
 
 def test_ends_tell_safeties_apart():

@@ -37,7 +37,7 @@ def goal_residual(problem: Problem, q: Array) -> list[GoalError]:
     errors = []
     for goal in problem.goal:
         if isinstance(goal, JointGoal):
-            joint = float(np.abs(q - endless_turns(problem.robot, goal.q, q)[0]).max())
+            joint = float(np.abs(q - endless_turns(problem.robot, goal.q, q, 1)[0]).max())
             errors.append(GoalError(joint, None, None, joint <= goal.tolerance))
         elif isinstance(goal, RegionGoal):
             excess = goal.excess(data.oMf[model.getFrameId(goal.frame)])

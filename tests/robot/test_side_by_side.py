@@ -120,6 +120,8 @@ def test_up_to_eight_arms():
         ({"a": "planar2r", "b": 3}, {}, r"robots\['b'\]: found the int 3.*robot.yaml"),
         (["planar2r", "ur5"], {}, "robots: .*arms by name"),
         ({"a": "planar2r", "b": {"use": {"urdf": "no.urdf"}}}, {}, "robots.b.use.urdf: .*no file"),
+        ({"all": "planar2r", "b": FAR}, {}, "robots.all: an arm called 'all'.*group of all arms"),
+        ({"a": load_robot("planar2r").holding({"elbow": 0.1}), "b": FAR}, {}, "locked joints or tool of its own"),
         ({"a": "planar2r", "b": FAR}, {"group": "c"}, "group: found 'c'.*one of: a"),
         ({"a": "planar2r", "b": FAR}, {"locked": {"a/elbow": 0.0}}, "locked.a/elbow: the planned joint"),
         ({"a": "planar2r", "b": FAR}, {"locked": {"elbow": 0.0}}, "locked.elbow: unknown"),

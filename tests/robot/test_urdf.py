@@ -271,3 +271,30 @@ def test_a_package_is_looked_for_where_ros_says(tmp_path, monkeypatch, variable,
         load_robot(str(path))
     monkeypatch.setenv(variable, f"/nowhere{os.pathsep}{tmp_path / entry}")
     assert load_robot(str(path)).link_geometry
+
+
+@pytest.mark.parametrize("manifests", [True, False])
+def test_a_mesh_is_that_of_its_own_package_where_another_has_one_of_that_name(tmp_path, manifests):
+    for folder, name, size in (("arm", "arm", 0.1), ("tool" if manifests else "hand", "hand", 0.3)):
+        mesh = tmp_path / "src" / folder / "meshes/base_link.stl"
+        mesh.parent.mkdir(parents=True)
+        trimesh.creation.box((size, size, size)).export(mesh)
+        if manifests:
+            (mesh.parents[1] / "package.xml").write_text(f"<package><name>{name}</name></package>")
+    robot = load_robot(
+        str(write_robot(tmp_path / "src/arm/urdf", meshed("collision", "package://hand/meshes/base_link.stl")))
+    )
+    shape = next(item.geometry for item in robot.geometry.geometryObjects if "m_" in item.name)
+    assert np.allclose(np.asarray(shape.points()).max(axis=0), 0.3)
+
+
+def test_a_mesh_of_a_package_that_is_not_found_is_guessed_with_a_note_and_never_that_of_another(tmp_path):
+    mesh = tmp_path / "arm/meshes/base_link.stl"
+    mesh.parent.mkdir(parents=True)
+    trimesh.creation.box((0.1, 0.1, 0.1)).export(mesh)
+    path = write_robot(tmp_path / "arm/urdf", meshed("collision", "package://hand/meshes/base_link.stl"))
+    note = f"package hand is not found; its meshes are read from {tmp_path / 'arm'}"
+    assert load_robot(str(path)).notes.count(note) == 1
+    (tmp_path / "arm/package.xml").write_text("<package><name>arm</name></package>")
+    with pytest.raises(InputError, match="missing"):
+        load_robot(str(path.rename(path.with_name("again.yaml"))))

@@ -152,6 +152,9 @@ def _binary_tables(source: _Bytes, elements: Sequence[_Element]) -> dict[str, Ta
     tables: dict[str, Table] = {}
     size = len(source.body)
     for element in elements:
+        if element.count == 0:  # without a first row
+            tables[element.name] = _rows(element, source)
+            continue
         record, start = _record_of_first_row(element, source), source.place
         end = start + element.count * record.itemsize
         lengths = [f"#{item.name}" for item in element.properties if item.length]

@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
@@ -87,15 +87,40 @@ def open_mesh(path: Path, kind: Kind = "mesh") -> MeshFile:
     return MeshFile(path, cache.digest([str(VERSION).encode(), reader.encode(), content]), content, kind)
 
 
+class _Ended(str):
+    """The reason why a process ended that was short of time or memory, perhaps not for the file: it is not kept."""
+
+    __slots__ = ()
+
+
 def read_mesh(file: MeshFile) -> Soup:
     """Return the triangles of one mesh file.
 
     Raises:
         MeshError: the file cannot be used; the message names it and the fault.
     """
-    read_together([file])
+    return read_meshes([file])[0]
+
+
+def read_meshes(meshes: Sequence[MeshFile]) -> list[Soup]:
+    """Return the triangles of several mesh files; unknown ones share one process.
+
+    Raises:
+        MeshError: the first that cannot be used; the message names it and the fault.
+    """
     with _lock:
-        found = _kept[file.key]
+        known_ones = {mesh.key: _find(mesh.key) for mesh in meshes}
+        unknown = list({mesh.key: mesh for mesh in meshes if known_ones[mesh.key] is None}.values())
+        read = {mesh.key: answer for mesh, answer in zip(unknown, _read_apart(unknown), strict=True)}
+        for key, answer in read.items():
+            if isinstance(answer, Soup):
+                cache.store(_name(key), pack_soup(answer))
+            if not isinstance(answer, _Ended):
+                _keep(key, answer)
+    return [_soup(mesh, known_ones[mesh.key] or read[mesh.key]) for mesh in meshes]
+
+
+def _soup(file: MeshFile, found: Soup | str) -> Soup:
     if isinstance(found, str):
         raise MeshError(f"cannot read {file.kind} {file.path}: {found}")
     return found
@@ -111,17 +136,6 @@ def known(key: str) -> Soup | None:
 _lock = Lock()
 _kept: "OrderedDict[str, Soup | str]" = OrderedDict()
 """Meshes, or the reason why there is none, by key; the least recently used is dropped first."""
-
-
-def read_together(meshes: Iterable[MeshFile]) -> None:
-    """Read several mesh files at once, so that unknown ones share one process."""
-    wanted = {mesh.key: mesh for mesh in meshes}
-    with _lock:
-        unknown = [mesh for key, mesh in wanted.items() if _find(key) is None]
-        for mesh, found in zip(unknown, _read_apart(unknown), strict=True):
-            if isinstance(found, Soup):
-                cache.store(_name(mesh.key), pack_soup(found))
-            _keep(mesh.key, found)
 
 
 def _name(key: str) -> str:
@@ -183,13 +197,16 @@ def _run_worker(meshes: Sequence[MeshFile]) -> tuple[list[Soup | str], str]:
         output, late = done.stdout, False
     except subprocess.TimeoutExpired as error:
         output, late = error.stdout or b"", True
+    except OSError as error:
+        return [], _Ended(f"no process to read it can be started ({(error.strerror or str(error)).lower()})")
     answers = list(_answers(output))
     if len(answers) == len(meshes):
         return answers, ""
-    return (
-        answers,
-        f"takes more than {SECONDS} s" if late or done.returncode == -_CPU else "ends the process that reads it",
-    )
+    if late:
+        return answers, _Ended(f"takes more than {WAIT:g} s")
+    if done.returncode == -_CPU:
+        return answers, f"takes more than {SECONDS} s"
+    return answers, _Ended("ends the process that reads it")
 
 
 def _answers(output: bytes) -> Iterator[Soup | str]:

@@ -40,13 +40,14 @@ def describe(path: Path) -> Description:
 
 
 def _expanded(path: Path) -> Description:
-    from optiplan.importers.robots.ros_packages import RosPackages
     from optiplan.importers.robots.xacro_files import expand_xacro
+    from optiplan.robot.urdf.ros_packages import RosPackages
 
     text = expand_xacro(path, RosPackages(path.parent))
     name = ET.fromstring(read_urdf(path, path.parent, text).xml).get("name") or path.name.split(".")[0]
-    text = with_found_meshes(path, path.parent, text)
-    return Description(path, name, text=text, notes=(f"expanded by xacro, with the default arguments of {path.name}",))
+    text, notes = with_found_meshes(path, path.parent, text)
+    expanded = f"expanded by xacro, with the default arguments of {path.name}"
+    return Description(path, name, text=text, notes=(expanded, *notes))
 
 
 def root_tag(path: Path) -> str:

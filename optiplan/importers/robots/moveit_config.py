@@ -21,11 +21,11 @@ from optiplan.config.messages import describe
 from optiplan.errors import InputError, Issue
 from optiplan.files import is_file, read_bytes
 from optiplan.importers.robots.description import Description
-from optiplan.importers.robots.ros_packages import RosPackages
 from optiplan.importers.robots.srdf_groups import read_groups
 from optiplan.importers.robots.xacro_files import expand_xacro
 from optiplan.robot.urdf.elements import parsed_xml
 from optiplan.robot.urdf.reader import UrdfSource, read_urdf, with_found_meshes
+from optiplan.robot.urdf.ros_packages import RosPackages
 
 SRDF_FILE = "moveit.srdf"
 """Beside the robot.yaml: the SRDF of the configuration, with xacro expanded."""
@@ -65,7 +65,8 @@ def describe_moveit(folder: Path) -> Description:
     srdf = parsed_xml(named.srdf, "srdf", srdf_text)
     groups = read_groups(srdf, named.srdf, urdf)
     limits, positions, notes = _joint_limits(folder, urdf)
-    root = ET.fromstring(with_found_meshes(named.urdf, folder, text))
+    text, guessed = with_found_meshes(named.urdf, folder, text)
+    root = ET.fromstring(text)
     _narrow(root, positions)
     keys: dict[str, Any] = {"srdf": SRDF_FILE}
     if groups.groups:
@@ -85,7 +86,7 @@ def describe_moveit(folder: Path) -> Description:
         files={SRDF_FILE: srdf_text.encode()},
         keys=keys,
         limits=limits,
-        notes=(*groups.notes, *notes, *left_out),
+        notes=(*guessed, *groups.notes, *notes, *left_out),
     )
 
 

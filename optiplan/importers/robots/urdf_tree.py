@@ -3,9 +3,16 @@
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 
+import numpy as np
 import pinocchio as pin
 
+from optiplan.arrays import Array
 from optiplan.robot.urdf.elements import origin_element
+
+FAR = 100.0
+"""m; a slide without limits is given these, since a URDF has no endless ones."""
+
+WORLD = "world"
 
 
 class UrdfTree:
@@ -43,3 +50,10 @@ class UrdfTree:
         """The whole file."""
         ET.indent(self.root)
         return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(self.root, encoding="unicode")}\n'
+
+
+def moved(turns: bool, axis: Array, q: float) -> pin.SE3:
+    """The motion of a joint: the turn about an axis by q rad, or the slide along it by q m."""
+    if turns:
+        return pin.SE3(pin.exp3(axis * q), np.zeros(3))
+    return pin.SE3(np.eye(3), axis * q)

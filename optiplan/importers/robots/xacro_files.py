@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from optiplan.errors import InputError, Issue, OptiPlanError
-from optiplan.importers.robots.ros_packages import RosPackages
+from optiplan.robot.urdf.ros_packages import RosPackages
 
 _LOCK = threading.Lock()
 """The package keeps the files and arguments of one run in its module."""

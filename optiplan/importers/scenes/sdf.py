@@ -7,13 +7,14 @@ Poses: `relative_to` names a model, a link or a frame; without it a pose is in t
 
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.errors import InputError, Issue
 from optiplan.files import is_file
-from optiplan.geometry.meshes.reading import open_mesh, read_mesh, read_together
+from optiplan.geometry.meshes.reading import open_mesh, read_mesh
 from optiplan.importers.robots.polyhedra import ellipsoid_hull
 from optiplan.importers.scenes.imported import ImportedScene
 from optiplan.robot.urdf.elements import parsed_xml
@@ -65,19 +66,28 @@ def _read_models(parent: ET.Element, X_WP: pin.SE3, place: _Place, scene: Import
     frames = _Frames(parent, X_WP, place)
     for model in parent.findall("model"):
         _read_model(model, frames.pose(model), place.inside(model.get("name", "model")), scene)
-    for include in parent.findall("include"):
-        uri = (include.findtext("uri") or "").strip()
-        file = _model_file(uri, place, include)
-        if place.depth >= DEEPEST:
-            raise place.issue(include, f"models nested more than {DEEPEST} deep", "a world")
-        included = parsed_xml(file, "sdf").find("model")
-        if included is None:
-            raise place.issue(include, f"no <model> in {file}", "a model")
-        name = (include.findtext("name") or included.get("name") or "model").strip()
-        X_WF = frames.pose(include) if include.find("pose") is not None else X_WP * _own_pose(included, place)
-        frame = (include.findtext("placement_frame") or included.get("placement_frame") or "").strip()
-        X_WM = X_WF * _model_in(frame, included, place.inside(name, file))
-        _read_model(included, X_WM, place.inside(name, file), scene)
+    for include in frames.includes:
+        _read_model(include.model, frames.included(include), include.place, scene)
+
+
+class _Include(NamedTuple):
+    """An <include>, the model that it takes, and where that one stands."""
+
+    element: ET.Element
+    model: ET.Element
+    name: str
+    place: _Place
+
+
+def _include(element: ET.Element, place: _Place) -> _Include:
+    file = _model_file((element.findtext("uri") or "").strip(), place, element)
+    if place.depth >= DEEPEST:
+        raise place.issue(element, f"models nested more than {DEEPEST} deep", "a world")
+    model = parsed_xml(file, "sdf").find("model")
+    if model is None:
+        raise place.issue(element, f"no <model> in {file}", "a model")
+    name = (element.findtext("name") or model.get("name") or "model").strip()
+    return _Include(element, model, name, place.inside(name, file))
 
 
 def _read_model(model: ET.Element, X_WM: pin.SE3, place: _Place, scene: ImportedScene) -> None:
@@ -95,12 +105,13 @@ def _read_model(model: ET.Element, X_WM: pin.SE3, place: _Place, scene: Imported
 
 
 class _Frames:
-    """Poses of the models, links and frames of one world or model, by name."""
+    """Poses of the models, links and frames of one world or model, by name; `A::b` is b of the model A."""
 
     def __init__(self, parent: ET.Element, X_WP: pin.SE3, place: _Place) -> None:
         self.place, self.X_WP = place, X_WP
         named = [*parent.findall("model"), *parent.findall("link"), *parent.findall("frame"), *parent.findall("joint")]
         self.elements = {element.get("name", ""): element for element in named}
+        self.includes = [_include(element, place) for element in parent.findall("include")]
         self.found: dict[str, pin.SE3] = {"": X_WP, "__model__": X_WP, "world": X_WP}
 
     def pose(self, element: ET.Element, X_WD: pin.SE3 | None = None, within: tuple[str, ...] = ()) -> pin.SE3:
@@ -118,12 +129,30 @@ class _Frames:
     def named(self, name: str, element: ET.Element, within: tuple[str, ...] = ()) -> pin.SE3:
         """X of the frame called `name` in the world; errors are about `element`."""
         if name not in self.found:
-            if name not in self.elements or name in within:
-                known = ", ".join(sorted(key for key in self.elements if key)) or "none"
+            model, _, inner = (name, "", "") if name in self.elements else name.partition("::")
+            include = next((one for one in self.includes if one.name == model), None)
+            if (model not in self.elements and include is None) or name in within:
+                known = ", ".join(sorted({*self.elements, *(one.name for one in self.includes)} - {""})) or "none"
                 told = f"the frame '{name}'" if name not in within else f"the frame '{name}', which depends on itself"
                 raise self.place.issue(element, told, f"one of: {known}")
-            self.found[name] = self.pose(self.elements[name], within=(*within, name))
+            if inner:
+                X_WM = self.named(model, element, (*within, name))
+                place = self.place.inside(model) if include is None else include.place
+                inside = self.elements[model] if include is None else include.model
+                self.found[name] = _Frames(inside, X_WM, place).named(inner, element)
+            elif include is not None:
+                self.found[name] = self.included(include, (*within, name))
+            else:
+                self.found[name] = self.pose(self.elements[name], within=(*within, name))
         return self.found[name]
+
+    def included(self, include: _Include, within: tuple[str, ...] = ()) -> pin.SE3:
+        """X of an included model in the world: its own pose counts where the <include> has none."""
+        element, model = include.element, include.model
+        stated = element.find("pose") is not None
+        X_WF = self.pose(element, within=within) if stated else self.X_WP * _own_pose(model, self.place)
+        frame = (element.findtext("placement_frame") or model.get("placement_frame") or "").strip()
+        return X_WF * _model_in(frame, model, include.place)
 
 
 def _model_in(frame: str, model: ET.Element, place: _Place) -> pin.SE3:
@@ -185,10 +214,8 @@ def _add_mesh(shape: ET.Element, name: str, X_WC: pin.SE3, place: _Place, scene:
         raise place.issue(shape, f"<scale> '{shape.findtext('scale')}'", "three numbers")
     if shape.find("submesh") is not None:
         scene.notes.append(f"the submesh of {name} is not chosen: the whole mesh is taken")
-    mesh = open_mesh(path)
     try:
-        read_together([mesh])
-        soup = read_mesh(mesh)
+        soup = read_mesh(open_mesh(path))
     except ValueError as error:
         raise place.issue(shape, f"the mesh {path}: {error}", "a mesh that can be read") from error
     scene.add(name, scene.mesh(name, soup.vertices * np.array(scale), soup.triangles), X_WC)

@@ -22,7 +22,7 @@ import pinocchio as pin
 from optiplan.arrays import Array, Flags, Index
 from optiplan.kinematics.ik.arm_recognition import ArmGeometry, recognise
 from optiplan.kinematics.ik.closed_form_branches import SIGNS, Places, branch_names, spherical_wrist, three_parallel
-from optiplan.robot.batched.kinematics import BatchKinematics
+from optiplan.robot.batched.kinematics import BatchKinematics, inverse_poses
 from optiplan.robot.frames import pose_errors
 from optiplan.robot.robot import Robot
 
@@ -120,7 +120,7 @@ class ClosedForm:
         F_ideal(q) = Y and then setting Y := X E(q)^-1 = X F(q)^-1 Y converges at once. It also converges at
         singularities, where steps by the Jacobian do not.
         """
-        aim = X @ _inverse(self.forward(result.q[at])) @ X
+        aim = X @ inverse_poses(self.forward(result.q[at])) @ X
         for _ in range(_REFINEMENTS):
             new, new_measures = self._angles(aim, signs)
             placed = self.forward(new)
@@ -128,7 +128,7 @@ class ClosedForm:
             better = new_error.max(-1) < result.error[at].max(-1)
             chosen = _Branches(new[better], new_error[better], new_measures[better])
             result.put((at[0][better], at[1][better]), chosen)
-            aim = X @ _inverse(placed) @ aim
+            aim = X @ inverse_poses(placed) @ aim
 
     def _angles(self, X: Array, signs: Array) -> tuple[Array, Array]:
         """Return angles (..., 6) and measures of singularity (..., 3) on branches `signs` (3, ...) of poses X."""
@@ -159,11 +159,3 @@ def closed_form_of(model: pin.Model, frame: str) -> ClosedForm | None:
         geometry = recognise(model, frame)
         known[frame] = None if geometry is None else ClosedForm(model, frame, geometry)
     return known[frame]
-
-
-def _inverse(X: Array) -> Array:
-    result = np.zeros_like(X)
-    result[..., :3, :3] = X[..., :3, :3].swapaxes(-1, -2)
-    result[..., :3, 3] = -np.einsum("...ji,...j->...i", X[..., :3, :3], X[..., :3, 3])
-    result[..., 3, 3] = 1.0
-    return result

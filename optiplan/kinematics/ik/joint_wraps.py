@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags
 from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot
 
@@ -44,29 +44,32 @@ def images_within(robot: Robot, limits: Limits, Q: Array, near: Array) -> Array:
     return np.asarray(every[((every >= limits.lower) & (every <= limits.upper)).all(axis=1)])
 
 
-def whole_turns(robot: Robot, q: Array, near: Array, count: int) -> list[Array]:
+def whole_turns(robot: Robot, q: Array, near: Array, count: int, moving: Flags | None = None) -> list[Array]:
     """Return up to `count` configurations equal to q (n,) up to whole turns, the soonest from `near` (n,) first.
 
-    Each joint takes its two images nearest to `near`; a joint without images keeps its value in q.
+    Each joint takes its two images nearest to `near`; a joint without images keeps its value in q, and so does one that
+    is not among the `moving` (n,), where these are given.
     """
-    turning = robot.whole_turns
+    turning = robot.whole_turns if moving is None else robot.whole_turns & moving
     low, high = _turns_within(robot.limits, q)
     if not (turning & (low < high)).any():  # most arms: no joint has a choice
         return [_on_limits(robot.limits, np.where(turning & (low == high), q + _TURN * low, q))][:count]
-    every = [values[:2] if len(values) else q[j : j + 1] for j, values in enumerate(images(robot, q, near))]
-    return _soonest(robot, every, near)[:count]
+    found = [values if turning[j] else values[:1] for j, values in enumerate(images(robot, q, near))]
+    every = [values[:2] if len(values) else q[j : j + 1] for j, values in enumerate(found)]
+    return _soonest(robot, every, near, count)
 
 
-def endless_turns(robot: Robot, q: Array, near: Array) -> list[Array]:
-    """Return configurations equal to q (n,) up to whole turns of endless joints, the soonest from `near` (n,) first.
+def endless_turns(robot: Robot, q: Array, near: Array, count: int) -> list[Array]:
+    """Return up to `count` configurations equal to q (n,) up to whole turns of endless joints.
 
-    Each endless joint takes its two images nearest to `near`; the others keep their values.
+    The soonest from `near` (n,) come first. Each endless joint takes its two images nearest to `near`; the others keep
+    their values.
     """
     endless = robot.endless
     if not endless.any():
         return [q]
     every = [_of_joint(robot, j, q[j], near[j])[:2] if endless[j] else q[j : j + 1] for j in range(robot.n)]
-    return _soonest(robot, every, near)
+    return _soonest(robot, every, near, count)
 
 
 def _turns_within(limits: Limits, Q: Array) -> tuple[Array, Array]:
@@ -83,11 +86,18 @@ def _on_limits(limits: Limits, Q: Array) -> Array:
     return np.where(np.abs(inside - Q) <= ROUNDING, inside, Q)
 
 
-def _soonest(robot: Robot, every: list[Array], near: Array) -> list[Array]:
-    """Return all combinations of the joints' values, the soonest reached from `near` (n,) first."""
+def _soonest(robot: Robot, every: list[Array], near: Array, count: int) -> list[Array]:
+    """Return up to `count` combinations of one or two values of each joint, the soonest from `near` (n,) first.
+
+    A combination takes as long as its slowest joint. So of k joints whose second values are the soonest, all 2^k >=
+    `count` combinations take no longer than any in which another joint has its second value.
+    """
     speed = robot.limits.velocity
-    found = [np.array(image) for image in product(*every)]
-    return sorted(found, key=lambda image: float((np.abs(image - near) / speed).max()))
+    second = {j: abs(values[1] - near[j]) / speed[j] for j, values in enumerate(every) if len(values) > 1}
+    soonest = sorted(second, key=second.__getitem__)[: (count - 1).bit_length()]
+    choices = [values if j in soonest else values[:1] for j, values in enumerate(every)]
+    found = [np.array(image) for image in product(*choices)]
+    return sorted(found, key=lambda image: float((np.abs(image - near) / speed).max()))[:count]
 
 
 def _of_joint(robot: Robot, j: int, value: float, near: float) -> Array:

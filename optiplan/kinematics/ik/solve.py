@@ -83,11 +83,11 @@ def inverse_kinematics(robot: Robot, frame: str, X_WG: pin.SE3, seeds: Iterable[
 
 def answer(robot: Robot, frame: str, X_WG: pin.SE3, near: Array, options: IkOptions | None = None) -> Answer:
     """Find every branch of the closed form, or solutions from many starts; else the nearest miss within limits."""
-    closed = closed_form(robot, frame)
+    closed, miss = closed_form(robot, frame), None
     seeds = [near, *robot.configurations.values()]
     seeds += random_seeds(robot, near, np.random.default_rng(0), _STARTS)
     if closed is None:
-        numeric = solve_ik(robot, frame, X_WG, seeds, options or IkOptions())
+        numeric = miss = solve_ik(robot, frame, X_WG, seeds, options or IkOptions())
         found = [
             _solution(robot, q, near, _NUMERIC, pose_error(frame_pose(robot, q, frame), X_WG))
             for q in numeric.solutions
@@ -97,7 +97,8 @@ def answer(robot: Robot, frame: str, X_WG: pin.SE3, near: Array, options: IkOpti
     found.sort(key=lambda s: (not s.within_limits, float(np.abs(s.q - near).max())))
     if found and found[0].within_limits:
         return Answer(found)
-    miss = replace(inverse_kinematics(robot, frame, X_WG, seeds, IkOptions()), solutions=[])
+    miss = miss or inverse_kinematics(robot, frame, X_WG, seeds, IkOptions())
+    miss = replace(miss, solutions=[])
     return Answer(found, miss, _reason(robot, frame, found, miss))
 
 

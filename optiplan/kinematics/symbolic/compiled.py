@@ -62,7 +62,7 @@ def as_machine_code(function: Any) -> Any:
     if compiler() is None:
         return function
     name, content = function.name(), function.serialize().encode()
-    tags = [_VERSION, platform.machine(), name, "-O1"]
+    tags = [_VERSION, platform.machine(), name, *FLAGS]
     file = f"terms/{name}-{cache.digest([*(tag.encode() for tag in tags), content])}.so"
     found = _open(name, file)
     if found is not None or function.n_instructions() > MOST_INSTRUCTIONS:

@@ -188,7 +188,7 @@ class WarmStart:
 
     def _configuration(self, goal: GoalEnd, near: Array) -> Array | None:
         if isinstance(goal, JointGoal):
-            return endless_turns(self.problem.robot, goal.q, near)[0]
+            return endless_turns(self.problem.robot, goal.q, near, 1)[0]
         if isinstance(goal, RegionGoal | AllOfGoal):
             q, inside = sampler_of(self.problem.robot, goal).onto(near)
             return q if inside else None

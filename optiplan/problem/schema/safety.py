@@ -1,6 +1,6 @@
 """The schema of `clearance` in a problem file: how far bodies stay apart."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -11,6 +11,8 @@ from optiplan.config.values import Name
 from optiplan.errors import Issue
 from optiplan.geometry.safety import MOST, WITHIN, Safety, named_by
 from optiplan.geometry.scene import Scene
+from optiplan.robot.self_collision.pairs import PROVED, WORDS
+from optiplan.robot.urdf.srdf import LinkPair
 
 Distance = Annotated[float, Field(strict=True, ge=0.0, le=MOST, allow_inf_nan=False)]
 """m, of bodies that stay apart."""
@@ -52,13 +54,20 @@ def safety_data(spec: Any) -> Any:
 
 
 def safety_of(
-    document: Document, spec: float | SafetySpec | None, scene: Scene, others: Sequence[str]
+    document: Document,
+    spec: float | SafetySpec | None,
+    scene: Scene,
+    others: Sequence[str],
+    allowed: Mapping[LinkPair, str],
 ) -> tuple[Safety | None, list[Issue]]:
     """Return what is required of the bodies of a scene and of others, links and bodies of tools; and what is wrong.
 
-    Wrong is a name that no body has, and a group of pairs that has none, or only pairs that may touch.
+    Wrong is a name that no body has, and a group of pairs that has none, or only pairs that are not checked, of links
+    (`allowed`, as that of a robot) or in the scene.
     """
     issues: list[Issue] = []
+    unchecked = {frozenset(pair): WORDS[why.partition(":")[0]] for pair, why in allowed.items() if why != PROVED}
+    unchecked |= dict.fromkeys(scene.allowed, "allowed by scene.allowed_collisions")
     for k, part in enumerate(spec.pairs if isinstance(spec, SafetySpec) else ()):
         place = ("clearance", "pairs", k)
         of, from_ = (_bodies(stated, [*others, *scene.names]) for stated in (part.of, part.others))
@@ -72,9 +81,10 @@ def safety_of(
         pairs = {
             frozenset((a, b)) for mine in of.values() for a in mine for own in from_.values() for b in own if a != b
         }
-        if pairs and part.at_least > 0.0 and pairs <= scene.allowed:
-            found_words = "pairs that scene.allowed_collisions lets touch"
-            issues.append(document.issue(place, found_words, "pairs that must stay apart, or `at_least: 0`"))
+        if pairs and part.at_least > 0.0 and pairs <= unchecked.keys():
+            reasons = ", ".join(sorted({unchecked[pair] for pair in pairs}))
+            expected = "pairs that are checked, or `at_least: 0`"
+            issues.append(document.issue(place, f"pairs that are not checked ({reasons})", expected))
         elif not pairs and all(of.values()) and all(from_.values()):
             issues.append(document.issue(place, "one body in both groups, and no other", "two bodies"))
     return (None if issues else Safety.from_data(safety_data(spec))), issues

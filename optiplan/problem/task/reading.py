@@ -224,8 +224,9 @@ class TaskReader:
 
     def _alone(self, joints: Sequence[str], group: str | None) -> Robot:
         """Return the robot with only these joints planned; where the others stand does not matter here."""
-        held = {name: 0.0 for name in self.robot.joint_names if name not in joints}
-        return self._with_tool_of(group).holding(held)
+        names, limits = self.robot.joint_names, self.robot.limits
+        places = zip(names, np.clip(np.zeros(len(names)), limits.lower, limits.upper), strict=True)
+        return self._with_tool_of(group).holding({name: q for name, q in places if name not in joints})
 
     def _move(self, place: Place, spec: MoveSpec) -> Iterator[Move]:
         joints = self._joints(place, spec.group)

@@ -20,6 +20,7 @@ from optiplan.config.document import Document
 from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError, Issue
+from optiplan.geometry.mass_properties import primitive_inertia
 from optiplan.robot.dh.spec import BodySpec, DhPoseSpec, DhRoundSpec, DhSpec, LinkSpec
 from optiplan.robot.dh.table import DhTable, JointKind, along_x, along_z
 from optiplan.robot.urdf.elements import inertial_element, mark_capsule, number_words, origin_element
@@ -247,29 +248,20 @@ def _inertia_of(link: LinkSpec, spec: DhSpec) -> pin.Inertia:
     if link.centre is not None and link.inertia is not None:
         return pin.Inertia(mass, np.array(link.centre), np.diag(link.inertia))
     total = pin.Inertia.Zero()
-    volumes = [_volume(body) for body in link.geometry or ()]
+    volumes = [primitive_inertia(*_primitive(body)).mass for body in link.geometry or ()]
     for body, volume in zip(link.geometry or (), volumes, strict=True):
-        total = total + _body_pose(body, spec).act(_unit_inertia(body, mass * volume / sum(volumes)))
+        own = primitive_inertia(*_primitive(body), mass * volume / sum(volumes))
+        total = total + _body_pose(body, spec).act(own)
     return total
 
 
-def _volume(body: BodySpec) -> float:
+def _primitive(body: BodySpec) -> tuple[str, Sequence[float]]:
+    """Return the kind and the sizes of a body, as `primitive_inertia` takes them."""
     if body.box is not None:
-        return math.prod(body.box)
+        return "box", body.box
     if body.sphere is not None:
-        return 4.0 / 3.0 * math.pi * body.sphere**3
+        return "sphere", [body.sphere]
     if body.cylinder is not None:
-        return math.pi * body.cylinder.radius**2 * body.cylinder.length
+        return "cylinder", [body.cylinder.radius, body.cylinder.length]
     assert body.capsule is not None  # the schema holds exactly one shape
-    return math.pi * body.capsule.radius**2 * (body.capsule.length + 4.0 / 3.0 * body.capsule.radius)
-
-
-def _unit_inertia(body: BodySpec, mass: float) -> pin.Inertia:
-    if body.box is not None:
-        return pin.Inertia.FromBox(mass, *body.box)
-    if body.sphere is not None:
-        return pin.Inertia.FromSphere(mass, body.sphere)
-    if body.cylinder is not None:
-        return pin.Inertia.FromCylinder(mass, body.cylinder.radius, body.cylinder.length)
-    assert body.capsule is not None  # the schema holds exactly one shape
-    return pin.Inertia.FromCapsule(mass, body.capsule.radius, body.capsule.length)
+    return "capsule", [body.capsule.radius, body.capsule.length]

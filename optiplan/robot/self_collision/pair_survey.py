@@ -36,6 +36,9 @@ ANGLES = 720
 SAMPLES, WORK = 2000, 1_000_000
 """Configurations sampled for rates of collision, and pairs of bodies at configurations that this may come to."""
 
+_ROWS = 100_000
+"""Pairs of bodies that are placed at once: each takes some kilobytes."""
+
 VERSION = 6
 """Counted up when surveys are made in another way, so that cached ones are made again."""
 
@@ -148,7 +151,7 @@ class _Survey:
         group = np.full(len(self.proof.moves), -1)
         for place, k in enumerate(chosen.tolist()):
             group[self.groups[k]] = place
-        step = max(1, 100_000 // max(len(group), 1))
+        step = max(1, _ROWS // max(len(group), 1))
         for k in range(0, len(Q), step):
             rows, pairs, placed = self.proof.bounds.meeting(Q[k : k + step], GAP)
             asked = group[pairs] >= 0
@@ -172,9 +175,11 @@ class _Survey:
         owner = np.repeat(single, [len(self.groups[k]) for k in single])
         pairs = np.concatenate([np.empty(0, dtype=np.intp), *(self.groups[k] for k in single)])
         touching = np.zeros((ANGLES, len(self.groups)), dtype=bool)
-        rows, columns = np.divmod(np.arange(ANGLES * len(pairs)), max(len(pairs), 1))
-        touch = self.proof.touching_at(Q, rows, pairs[columns])
-        touching[rows[touch], owner[columns[touch]]] = True
+        step = max(1, _ROWS // max(len(pairs), 1))
+        for k in range(0, ANGLES, step):
+            rows, columns = np.divmod(np.arange(min(step, ANGLES - k) * len(pairs)), max(len(pairs), 1))
+            touch = self.proof.touching_at(Q[k : k + step], rows, pairs[columns])
+            touching[k + rows[touch], owner[columns[touch]]] = True
         result[single] = touching[:, single].mean(axis=0)
         return result
 

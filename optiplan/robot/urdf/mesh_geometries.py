@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.geometry.file_shapes import check_reach, triangle_mesh
-from optiplan.geometry.meshes.reading import MeshFile, open_mesh, read_mesh, read_together
+from optiplan.geometry.meshes.reading import MeshFile, open_mesh, read_meshes
 from optiplan.geometry.meshes.triangles import Soup
 
 Place = tuple[str, int]
@@ -56,14 +56,14 @@ def read_bodies(model: pin.Model, xml: str, kind: pin.GeometryType) -> UrdfBodie
         name = mesh.get("filename", "")
         if name not in files:
             files[name] = open_mesh(Path(name))
-    read_together(files.values())
+    contents = dict(zip(files, read_meshes(list(files.values())), strict=True))
     geometry = pin.buildGeomFromUrdfString(model, ET.tostring(root, encoding="unicode"), kind)
     names = {f"{link}_{index}": mesh for (link, index), mesh in meshes.items()}
     soups: dict[str, Soup] = {}
     for item in geometry.geometryObjects:
         if item.name in names:
-            mesh = names[item.name]
-            soups[item.name] = _describe(item, mesh, files[mesh.get("filename", "")])
+            mesh, name = names[item.name], names[item.name].get("filename", "")
+            soups[item.name] = _describe(item, mesh, files[name], contents[name])
     return UrdfBodies(geometry, soups)
 
 
@@ -79,10 +79,9 @@ def _take_meshes(root: ET.Element, tag: str) -> Iterator[tuple[Place, ET.Element
                 yield (link.get("name", ""), index), mesh
 
 
-def _describe(item: pin.GeometryObject, mesh: ET.Element, file: MeshFile) -> Soup:
+def _describe(item: pin.GeometryObject, mesh: ET.Element, file: MeshFile, soup: Soup) -> Soup:
     """Write path and scale of a mesh into its body, and return its content at this scale."""
     scale = np.array([float(word) for word in mesh.get("scale", "1 1 1").split()])
     item.meshPath, item.meshScale = str(file.path), scale
-    soup = read_mesh(file)
     check_reach(soup.vertices * scale)
     return replace(soup, vertices=soup.vertices * scale)

@@ -5,7 +5,6 @@ Continuous joints become revolute ones without limits, so that nq = nv.
 """
 
 import logging
-import os
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Container, Iterable, Iterator, Mapping
@@ -23,6 +22,7 @@ from optiplan.robot.mimic_joints import Mimic, MimicError, leaders_first, resolv
 from optiplan.robot.reference import DESCRIPTION
 from optiplan.robot.urdf.elements import parsed_xml
 from optiplan.robot.urdf.mesh_geometries import UrdfBodies, read_bodies
+from optiplan.robot.urdf.ros_packages import RosPackages
 from optiplan.robot.urdf.unused_elements import leave_out
 from optiplan.robot.urdf.validation import MOVING, faults, odd_inertias
 
@@ -126,6 +126,7 @@ def read_urdf(path: Path, folder: Path, text: str | None = None) -> UrdfSource:
     for link in root.findall("link"):
         _settle_visuals(link, finder, notes)
         _settle_collisions(link, finder)
+    notes += finder.notes
     renamed = _rename_links(root, joints)
     notes += [f"link {old} is called {new}, since a joint is called {old} too" for old, new in renamed.items()]
     types = {joint.get("name", ""): joint.get("type", "") for joint in joints}
@@ -137,15 +138,18 @@ def read_urdf(path: Path, folder: Path, text: str | None = None) -> UrdfSource:
     return UrdfSource(path, xml, renamed, types, mimics, _edges(joints), meshes, remarks)
 
 
-def with_found_meshes(path: Path, folder: Path, text: str) -> str:
-    """Return a URDF with the absolute paths of its meshes, looked for as by `read_urdf`; others stay as they are."""
+def with_found_meshes(path: Path, folder: Path, text: str) -> tuple[str, tuple[str, ...]]:
+    """Return a URDF with the absolute paths of its meshes, and notes on packages that were not found.
+
+    Meshes are looked for as by `read_urdf`; those that are missing stay as they are.
+    """
     root = _parse(path, text)
     finder = _MeshFinder(path, folder)
     for mesh in root.iter("mesh"):
         found = finder.find(mesh.get("filename", ""))
         if found is not None:
             mesh.set("filename", str(found.resolve()))
-    return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
+    return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(root, encoding="unicode")}\n', tuple(finder.notes)
 
 
 def build_model(source: UrdfSource) -> pin.Model:
@@ -222,33 +226,48 @@ class _MeshFinder:
     def __init__(self, urdf: Path, folder: Path) -> None:
         self.urdf = urdf
         self.collision: list[Path] = []
-        near = [folder.resolve(), urdf.resolve().parent]
-        self.roots = list(dict.fromkeys([*near, *(up for base in near for up in list(base.parents)[:3])]))
-
-    def candidates(self, name: str) -> list[Path]:
-        scheme, separator, rest = name.partition("://")
-        if not separator:
-            return [Path(name)] if Path(name).is_absolute() else [root / name for root in self.roots]
-        if scheme == "file":
-            return [Path(rest)]
-        rest = rest.lstrip("/")  # package:///NAME/… is written, too
-        package, _, inside = rest.partition("/")
-        near = [root / tail for root in self.roots for tail in (rest, inside) if tail]
-        return [*near, *_in_packages(package, inside)]
+        self.notes: list[str] = []
+        self._packages = RosPackages(folder, urdf.parent)
 
     def find(self, name: str) -> Path | None:
-        return next((path for path in self.candidates(name) if is_file(path)), None)
+        """Return the first file of the candidates; a note says where a package was not found."""
+        found = next((path for path in self._stated(name) if is_file(path)), None)
+        if found is None:
+            found = next((path for path in self._guesses(name) if is_file(path)), None)
+            if found is not None:
+                package, inside = _in_package(name)
+                where = str(found).removesuffix(inside).rstrip("/") or "/"
+                note = f"package {package} is not found; its meshes are read from {where}"
+                self.notes += [note] if note not in self.notes else []
+        return found
+
+    def candidates(self, name: str) -> list[Path]:
+        return [*self._stated(name), *self._guesses(name)]
+
+    def _stated(self, name: str) -> Iterator[Path]:
+        """Yield where the file may be, the likeliest first."""
+        scheme, separator, rest = name.partition("://")
+        if not separator:
+            yield from [Path(name)] if Path(name).is_absolute() else [root / name for root in self._packages.roots]
+        elif scheme == "file":
+            yield Path(rest)
+        else:
+            package, inside = _in_package(name)
+            yield from (root / package / inside for root in self._packages.roots)
+            yield from (folder / inside for folder in self._packages.folders(package))
+
+    def _guesses(self, name: str) -> list[Path]:
+        """Return where the file of a package that is not found may be: in folders that are no other package."""
+        package, inside = _in_package(name)
+        roots = self._packages.roots if inside else []
+        return [root / inside for root in roots if self._packages.name_of(root) in ("", package)]
 
 
-def _in_packages(package: str, inside: str) -> list[Path]:
-    """Where a file of a ROS package may be: in folders of packages (ROS 1), then in prefixes (ROS 2)."""
-
-    def folders(variable: str) -> list[Path]:
-        return [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
-
-    found = [folder / package / inside for folder in folders("ROS_PACKAGE_PATH")]
-    found += [folder / inside for folder in folders("ROS_PACKAGE_PATH") if folder.name == package]
-    return [*found, *(prefix / "share" / package / inside for prefix in folders("AMENT_PREFIX_PATH"))]
+def _in_package(name: str) -> tuple[str, str]:
+    """Return the package of a mesh and its path there; both are empty where it names none."""
+    scheme, separator, rest = name.partition("://")
+    package, _, inside = rest.lstrip("/").partition("/")  # package:///NAME/… is written, too
+    return (package, inside) if separator and scheme != "file" else ("", "")
 
 
 def _settle_visuals(link: ET.Element, finder: _MeshFinder, notes: list[str]) -> None:

@@ -3,6 +3,7 @@
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 
+from optiplan.config.messages import some
 from optiplan.robot.urdf.validation import MOVING, plain_numbers, shape_faults
 
 UNUSED = ("safety_controller", "calibration")
@@ -18,6 +19,7 @@ def leave_out(root: ET.Element, joints: list[ET.Element]) -> Iterator[str]:
         root.set("name", "robot")
     if root.get("version", "1.0") == "1.0" and any(root.find(place) is not None for place in NEWER):
         root.set("version", "1.1")  # parsers ignore these in older files
+    yield from _soft_limits(joints)
     for joint in joints:
         _settle_joint(joint)
     _settle_materials(root)
@@ -31,6 +33,24 @@ def leave_out(root: ET.Element, joints: list[ET.Element]) -> Iterator[str]:
                     material.set("name", f"{link.get('name')}_material")
                 if not _has_colour(material) and len(material):
                     visual.remove(material)
+
+
+def _soft_limits(joints: list[ET.Element]) -> Iterator[str]:
+    if soft := [joint.get("name", "") for joint in joints if _has_soft_limits(joint)]:
+        yield f"soft limits of position, narrower than <limit>, are not read: those of {some(soft, 4)}"
+
+
+def _has_soft_limits(joint: ET.Element) -> bool:
+    """Whether a `safety_controller` states narrower limits of position; 0 and 0, its defaults, state none."""
+    soft, limit = joint.find("safety_controller"), joint.find("limit")
+    if soft is None or limit is None or joint.get("type") not in ("revolute", "prismatic"):
+        return False
+    stated = [soft.get("soft_lower_limit", "0"), soft.get("soft_upper_limit", "0")]
+    ends = [plain_numbers(text) for text in (*stated, limit.get("lower", "0"), limit.get("upper", "0"))]
+    if not all(len(end) == 1 for end in ends):
+        return False
+    (low,), (high,), (lower,), (upper,) = ends
+    return low < high and (low > lower or high < upper)
 
 
 def _settle_joint(joint: ET.Element) -> None:

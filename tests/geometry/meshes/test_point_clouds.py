@@ -36,6 +36,14 @@ def ply(points):
     ).tobytes()
 
 
+def test_a_binary_ply_file_may_have_an_element_without_rows():
+    """As MeshLab writes a cloud, with the list of a face's corners."""
+    faces = b"element face 0\nproperty list uchar int vertex_indices\n"
+    same_points(read_points_ply(ply(POINTS).replace(b"end_header\n", faces + b"end_header\n")), POINTS)
+    more = faces + b"element camera 1\nproperty uchar x\nend_header\n"
+    same_points(read_points_ply(ply(POINTS).replace(b"end_header\n", more) + b"\x07"), POINTS)
+
+
 def literals(data):
     """LZF without a copy: only runs of up to 32 bytes."""
     return b"".join(bytes([len(run) - 1]) + run for run in (data[i : i + 32] for i in range(0, len(data), 32)))

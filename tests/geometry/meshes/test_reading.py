@@ -4,6 +4,7 @@ import contextlib
 import json
 import resource
 import struct
+import subprocess
 import sys
 import time
 from io import BytesIO
@@ -18,7 +19,7 @@ from hypothesis import strategies as st
 
 import optiplan
 from optiplan.geometry.meshes import reading, reading_process
-from optiplan.geometry.meshes.reading import MeshFile, open_mesh, read_mesh, read_together
+from optiplan.geometry.meshes.reading import MeshFile, open_mesh, read_mesh, read_meshes
 from optiplan.geometry.meshes.triangles import MeshError, unpack_soup
 from optiplan.geometry.scene import Mesh
 from optiplan.geometry.shapes import build_geometry
@@ -363,7 +364,8 @@ def test_what_takes_too_much_is_ended_and_the_others_are_read(monkeypatch, tmp_p
     (tmp_path / "good.ply").write_bytes(VALID[".ply"])
     good = [open_mesh(tmp_path / f"good.{kind}") for kind in ("stl", "obj", "ply")]
     bad = hostile(".ply", content)
-    read_together([good[0], bad, *good[1:]])
+    with pytest.raises(MeshError, match=why):
+        read_meshes([good[0], bad, *good[1:]])
     for mesh in good:
         same_mesh(read_mesh(mesh), solid())
     with pytest.raises(MeshError, match=why):
@@ -399,6 +401,26 @@ def test_a_known_content_needs_no_process(tmp_path, own_cache, monkeypatch):
     again = read_mesh(open_mesh(tmp_path / "b.stl"))
     np.testing.assert_array_equal(again.vertices, first.vertices)
     np.testing.assert_array_equal(again.triangles, first.triangles)
+
+
+@pytest.mark.parametrize("why", ["ends", "late", "none"])
+def test_a_process_that_ended_is_no_fault_of_the_file_for_ever(tmp_path, monkeypatch, why):
+    (tmp_path / "a.stl").write_bytes(VALID[".stl"])
+    file = open_mesh(tmp_path / "a.stl")
+
+    def run(*_, **__):
+        if why == "late":
+            raise subprocess.TimeoutExpired("python", 1.0)
+        if why == "none":
+            raise OSError(12, "Cannot allocate memory")
+        return SimpleNamespace(stdout=b"", returncode=-9)
+
+    words = {"ends": "ends the process", "late": "takes more than 60 s", "none": r"started \(cannot allocate memory\)"}
+    with monkeypatch.context() as patch:
+        patch.setattr(reading.subprocess, "run", run)
+        with pytest.raises(MeshError, match=words[why]):
+            read_mesh(file)
+    assert len(read_mesh(file).triangles)
 
 
 def test_the_suffix_is_one_of_a_list(tmp_path):

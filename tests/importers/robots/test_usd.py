@@ -210,11 +210,7 @@ def test_what_is_not_driven_is_held_and_what_follows_follows(stage, kind, factor
     UsdPhysics.DriveAPI.Apply(joint.GetPrim(), "angular").CreateMaxForceAttr(2e4)
     for name, height in (("/c", 40.0), ("/d", 60.0)):
         body(stage, name, height)
-    follower = hinge(stage, "/follower", ["/b", "/c"], kind).GetPrim()
-    follower.SetMetadata("apiSchemas", Sdf.TokenListOp.Create(["PhysxMimicJointAPI:rotX"]))
-    follower.CreateRelationship("physxMimicJoint:rotX:referenceJoint").SetTargets([Sdf.Path("/hinge")])
-    follower.CreateAttribute("physxMimicJoint:rotX:gearing", Sdf.ValueTypeNames.Float).Set(2.0)
-    follower.CreateAttribute("physxMimicJoint:rotX:offset", Sdf.ValueTypeNames.Float).Set(90.0)
+    follow(hinge(stage, "/follower", ["/b", "/c"], kind), "/hinge")
     hinge(stage, "/loose", ["/c", "/d"])
     read = described(stage)
     root = ET.fromstring(read.text)
@@ -224,6 +220,36 @@ def test_what_is_not_driven_is_held_and_what_follows_follows(stage, kind, factor
     assert root.find("joint[@name='loose']").get("type") == "fixed"
     assert any("held where they are drawn" in note and "/loose" in note for note in read.notes)
     assert float(root.find("joint[@name='hinge']/limit").get("effort")) == pytest.approx(2.0)  # kg cm²/s² to N m
+
+
+@pytest.mark.parametrize("leader", ["held", "locked"])
+def test_what_follows_a_joint_that_stands_still_stands_still_where_it_is_put(stage, leader):
+    UsdPhysics.DriveAPI.Apply(two(stage).GetPrim(), "angular").CreateMaxForceAttr(2e4)
+    for name, height in (("/c", 40.0), ("/d", 60.0)):
+        body(stage, name, height)
+    first = hinge(stage, "/first", ["/b", "/c"])
+    if leader == "locked":
+        first.CreateLowerLimitAttr(30.0)
+        first.CreateUpperLimitAttr(30.0)
+    follow(hinge(stage, "/second", ["/c", "/d"]), "/first")
+    read = described(stage)
+    root = ET.fromstring(read.text)
+    assert root.find("joint[@name='hinge']").get("type") != "fixed"
+    second = root.find("joint[@name='second']")
+    assert (second.get("type"), second.find("mimic")) == ("fixed", None)
+    angle = -(90.0 + 2.0 * (30.0 if leader == "locked" else 0.0))
+    turn = pin.rpy.rpyToMatrix(np.array(second.find("origin").get("rpy").split(), float))
+    axis = pin.log3(turn) / np.linalg.norm(pin.log3(turn))
+    np.testing.assert_allclose(turn, pin.exp3(np.radians(angle) * np.abs(axis)), atol=1e-6)
+    assert "/second stands still with /first, which it follows" in read.notes
+
+
+def follow(joint, leader):
+    follower = joint.GetPrim()
+    follower.SetMetadata("apiSchemas", Sdf.TokenListOp.Create(["PhysxMimicJointAPI:rotX"]))
+    follower.CreateRelationship("physxMimicJoint:rotX:referenceJoint").SetTargets([Sdf.Path(leader)])
+    follower.CreateAttribute("physxMimicJoint:rotX:gearing", Sdf.ValueTypeNames.Float).Set(2.0)
+    follower.CreateAttribute("physxMimicJoint:rotX:offset", Sdf.ValueTypeNames.Float).Set(90.0)
 
 
 def test_loops_floors_and_filtered_pairs(stage):

@@ -196,6 +196,29 @@ def test_a_placement_frame_stands_where_the_model_is_put(tmp_path):
         read_scene(tmp_path / "w.sdf")
 
 
+def test_poses_may_be_relative_to_included_models_and_to_what_is_inside_a_model(tmp_path):
+    shape = '<collision name="c"><geometry><box><size>0.1 0.2 0.3</size></box></geometry></collision>'
+    top = f'<frame name="top"><pose>0 0 1 0 0 0</pose></frame><link name="l">{shape}</link>'
+    (tmp_path / "m.sdf").write_text(f'<sdf version="1.9"><model name="m">{top}</model></sdf>')
+    table = "<include><uri>m.sdf</uri><name>table</name><pose>2 0 0 0 0 0</pose></include>"
+    near = f'<model name="near"><pose>0 3 0 0 0 0</pose>{top}</model>'
+    on = {"cup": "table", "dish": "table::top", "fork": "near::top", "plate": "near"}
+    models = "".join(
+        f'<model name="{name}"><pose relative_to="{frame}">0 0 0.1 0 0 0</pose><link name="l">{shape}</link></model>'
+        for name, frame in on.items()
+    )
+    text = f'<sdf version="1.9"><world name="w">{models}{near}{table}</world></sdf>'
+    (tmp_path / "w.sdf").write_text(text)
+    found = {
+        body["name"].partition("::")[0]: body["pose"]["position"] for body in read_scene(tmp_path / "w.sdf").obstacles
+    }
+    places = {"cup": [2, 0, 0.1], "dish": [2, 0, 1.1], "fork": [0, 3, 1.1], "plate": [0, 3, 0.1], "table": [2, 0, 0]}
+    assert {name: found[name] for name in places} == {name: pytest.approx(at) for name, at in places.items()}
+    (tmp_path / "w.sdf").write_text(text.replace('"table::top"', '"chair::top"'))
+    with pytest.raises(op.InputError, match=r"the frame 'chair::top'; expected one of: cup, .*, table"):
+        read_scene(tmp_path / "w.sdf")
+
+
 @pytest.mark.parametrize(
     ("name", "old", "new", "words"),
     [

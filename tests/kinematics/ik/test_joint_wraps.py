@@ -1,5 +1,8 @@
 """Whole turns of joints: every configuration within limits is an image of one between -pi and pi."""
 
+from itertools import product
+from time import perf_counter
+
 import numpy as np
 import pytest
 
@@ -78,3 +81,27 @@ def test_a_task_beyond_half_a_turn_is_done_without_another_posture(kind):
     assert run.verified, run
     assert run.duration < 2.5
     assert run.trajectory.extrema(0)[0][2] < -3.35
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 8, 40])
+def test_the_soonest_images_are_those_of_all_combinations(count):
+    robot, rng = op.load_robot("ur5"), np.random.default_rng(2)
+    for _ in range(20):
+        q, near = rng.uniform(-3.0, 3.0, (2, robot.n))
+        every = np.array(list(product(*(values[:2] for values in images(robot, q, near)))))
+        found = np.array(whole_turns(robot, q, near, count))
+        expected, times = ((np.abs(Q - near) / robot.limits.velocity).max(axis=1) for Q in (every, found))
+        assert np.array_equal(times, np.sort(expected)[:count])
+        assert len({tuple(image) for image in found.tolist()} & {tuple(image) for image in every.tolist()}) == len(
+            found
+        )
+
+
+def test_images_of_many_joints_are_found_without_all_combinations():
+    robot = op.Robot.side_by_side({name: {"use": "ur5", "base": op.Pose((0, k, 0))} for k, name in enumerate("abcd")})
+    q = np.tile([0.5, -1.0, 1.0, 0.2, 0.3, -2.0], 4)
+    began = perf_counter()
+    assert len(whole_turns(robot, q, np.zeros(24), 8)) == 8  # of 2^20
+    assert perf_counter() - began < 0.1
+    moving = np.arange(24) < 6
+    assert all(np.array_equal(one[6:], q[6:]) for one in whole_turns(robot, q, np.zeros(24), 40, moving))

@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 from optiplan.geometry.poses import pose_error
+from optiplan.kinematics.ik import solve
 from optiplan.kinematics.ik.joint_wraps import images, whole_turns
 from optiplan.kinematics.ik.numeric import IkOptions, random_seeds, solve_ik
 from optiplan.kinematics.ik.solve import answer, inverse_kinematics, wanted_configuration
@@ -142,6 +143,14 @@ def test_out_of_reach_the_nearest_is_no_farther_than_many_starts_find(name):
         miss = np.hypot(found.nearest.position_error, found.nearest.orientation_error)
         assert 0.0 < miss <= least * 1.01
         assert pose_error(pose_of(robot, found.nearest.nearest), X_WG)[0] == pytest.approx(found.nearest.position_error)
+
+
+def test_without_a_closed_form_what_is_out_of_reach_is_looked_for_once(monkeypatch):
+    robot, searches = load_robot("panda"), []
+    monkeypatch.setattr(solve, "solve_ik", lambda *given: searches.append(1) or solve_ik(*given))
+    found = answer(robot, robot.tool_frame, pin.SE3(np.eye(3), np.array([3.0, 0, 0])), wanted_configuration(robot))
+    assert found.nearest.position_error > 1.0
+    assert len(searches) == 1
 
 
 def test_limits_that_shut_every_branch_out_are_named():

@@ -45,6 +45,17 @@ def test_it_is_part_of_what_a_problem_is(tmp_path):
     assert op.load_problem(again).hash == asked.hash
 
 
+def test_a_scene_that_asks_nothing_is_said_to_and_wishes_nothing(tmp_path):
+    problem = loaded(tmp_path, "clearance: 0.005\n")
+    none = problem.with_scene(op.Scene(problem.scene.obstacles, safety=0))
+    assert (none.scene.safety, none.wished_clearance, none.source["clearance"]) == (None, 0.0, 0.0)
+    made = op.Problem(
+        "panda", "ready", "extended", scene=op.Scene(safety=0).with_(op.Sphere("ball", 0.1, position=(2, 0, 0)))
+    )
+    assert made.wished_clearance == 0.0
+    assert op.Problem("panda", "ready", "extended", scene=op.Scene()).wished_clearance > 0.0
+
+
 @pytest.mark.parametrize(
     ("clearance", "words"),
     [
@@ -62,7 +73,12 @@ def test_it_is_part_of_what_a_problem_is(tmp_path):
         ),
         (
             "clearance: {pairs: [{of: table, from: panda_link0, at_least: 0.01}]}",
-            "clearance.pairs[0]: pairs that scene.allowed_collisions lets touch; expected pairs that must stay",
+            "clearance.pairs[0]: pairs that are not checked (allowed by scene.allowed_collisions); "
+            "expected pairs that are checked",
+        ),
+        (
+            "clearance: {pairs: [{of: panda_link3, from: panda_link4, at_least: 0.01}]}",
+            "clearance.pairs[0]: pairs that are not checked (adjacent); expected pairs that are checked",
         ),
     ],
 )

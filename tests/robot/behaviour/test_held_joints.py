@@ -6,7 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.errors import UnknownChoiceError
+from optiplan.errors import InputError, UnknownChoiceError
+from optiplan.problem.problem import Problem
 from optiplan.robot.robot import load_robot
 
 
@@ -64,6 +65,27 @@ def test_it_can_be_sent_to_another_process():
 def test_only_planned_joints_can_be_held():
     with pytest.raises(UnknownChoiceError, match="finger_left"):
         load_robot("delbot", group="arm").holding({"finger_left": 0.01})
+
+
+def test_a_joint_held_beyond_its_limits_has_all_pairs_checked():
+    robot = load_robot("panda")
+    assert "proved" in robot.holding({"panda_joint4": -0.5}).allowed.values()
+    beyond = robot.holding({"panda_joint4": 0.5})
+    assert "proved" not in beyond.allowed.values()
+    assert len(beyond.geometry.collisionPairs) > len(robot.geometry.collisionPairs)
+    assert pickle.loads(pickle.dumps(beyond)).allowed == beyond.allowed
+
+
+@pytest.mark.parametrize("value", [float("nan"), "0.5", None])
+def test_a_joint_is_held_at_a_number(value):
+    with pytest.raises(InputError, match=r"values\['panda_joint4'\]: .*; expected a number, rad or m"):
+        load_robot("panda").holding({"panda_joint4": value})
+
+
+def test_a_problem_of_a_held_robot_is_refused_since_no_file_can_state_it():
+    robot = load_robot("panda").holding({"panda_joint4": -1.0})
+    with pytest.raises(InputError, match=r"panda_joint4 are fixed by `holding`; expected op\.load_robot"):
+        Problem(robot, np.zeros(6), 0.1 * np.ones(6))
 
 
 def test_groups_together_are_joints_of_all():

@@ -173,6 +173,13 @@ def test_a_survey_of_some_pairs_says_of_them_what_one_of_all_says(tmp_path, own_
     assert len(list(own_cache.glob("pairs/*.json"))) == 2
 
 
+def test_a_survey_in_parts_says_the_same(tmp_path, own_cache, monkeypatch):
+    robot = load_robot(str(write_robot(tmp_path / "r", FOLDING)))
+    monkeypatch.setattr(pair_survey, "_ROWS", 50)
+    limits = robot.limits.lower, robot.limits.upper
+    assert pair_survey._Survey(robot.model, robot.geometry, limits, None).make() == robot.survey
+
+
 def test_without_geometry_there_is_nothing_to_prove(tmp_path):
     parts = [BARE.format("a"), BARE.format("b"), joint("j", "a", "b")]
     with pytest.raises(InputError, match=r"robot.yaml:3: urdf: .*without any collision geometry.*`collision: none`"):

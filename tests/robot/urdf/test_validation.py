@@ -82,6 +82,11 @@ BODY = '<visual><geometry><box size="1 1 1"/></geometry></visual></link>'
         ("</robot>", '<material><color rgba="1 1 1 1"/></material></robot>', ""),
         ("</joint>", "<dynamics/></joint>", ""),
         ("</joint>", '<safety_controller soft_upper_limit="a"/></joint>', ""),
+        (
+            "</joint>",
+            '<safety_controller soft_lower_limit="-0.8" soft_upper_limit="0.8"/></joint>',
+            "soft limits of position, narrower than <limit>, are not read: those of j",
+        ),
         ("</joint>", '<calibration rising="x"/></joint>', ""),
         ('<robot name="x">', "<robot>", ""),
     ],

@@ -1,5 +1,7 @@
 """Motions proved with a clearance: samples never come nearer, what does is refused, and reports tell of both."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -119,3 +121,23 @@ def task():
     ]
     problem = op.Problem("panda", "ready", task=steps, scene=op.Scene([table, block], safety=0.005))
     return op.plan(problem, budget=4.0)
+
+
+def test_a_named_pair_is_measured_though_it_is_proved_never_to_meet():
+    robot = op.load_robot("panda")
+    start, goal = robot.configurations["ready"].copy(), robot.configurations["ready"].copy()
+    start[5], goal[5] = 0.1, 3.0  # where the hand is 0.102 m from link 4, and away from it
+    problem = op.Problem(robot, start, goal)
+    motion = op.plan(problem, "quintic", budget=1.0).trajectory
+    assert robot.allowed["panda_hand", "panda_link4"] == "proved"
+
+    def asked(at_least):
+        pairs = (op.SafePairs(("panda_hand",), ("panda_link4",), at_least),)
+        return problem.with_parts(clearance=op.Safety(pairs=pairs, within=0.01))
+
+    assert verify(asked(0.10), motion).verified
+    check = collision(verify(asked(0.14), motion))
+    assert not check.passed
+    assert check.detail.startswith("bodies come nearer than the 140 mm required of them")
+    again = pickle.loads(pickle.dumps(asked(0.14)))
+    assert not verify(again, motion).verified

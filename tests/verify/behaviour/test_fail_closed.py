@@ -311,7 +311,7 @@ def test_fields_of_what_a_problem_states_are_known():
         Obstacle: {"name", "shape", "X_WO", "stated", "motion"},
         Attachment: {"name", "shape", "link", "X_LO", "touch", "stated", "mass", "centre", "inertia", "framed"},
         Limits: {"lower", "upper", "velocity", "acceleration", "jerk", "torque"},
-        Scene: {"obstacles", "attached", "allowed", "safety"},
+        Scene: {"obstacles", "attached", "allowed", "safety", "unwished"},  # the last is a wish
         Safety: {"scene", "own", "pairs", "within", "ends", "built"},
         SafePairs: {"of", "others", "at_least"},
     }

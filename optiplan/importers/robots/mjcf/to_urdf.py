@@ -14,19 +14,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
 from optiplan.importers.robots.description import Description
 from optiplan.importers.robots.mjcf.compiled import compile_mjcf
 from optiplan.importers.robots.mjcf.contacts import excluded_pairs, overlapping_pairs
 from optiplan.importers.robots.mjcf.couplings import Couplings, find_couplings
 from optiplan.importers.robots.mjcf.geoms import GeomWriter, placed
-from optiplan.importers.robots.urdf_tree import UrdfTree
+from optiplan.importers.robots.urdf_tree import FAR, WORLD, UrdfTree, moved
 from optiplan.robot.urdf.elements import inertial_element, number_words
-
-FAR = 100.0
-"""m; a slide without limits is given these, since a URDF has no endless ones."""
-
-WORLD = "world"
 
 UNNAMED = "MuJoCo Model"
 """MuJoCo's name of a model whose file has none."""
@@ -118,10 +112,10 @@ class _MjcfWriter:
         for j in moving:
             anchor, axis = np.array(model.jnt_pos[j], float), np.array(model.jnt_axis[j], float)
             turns = int(model.jnt_type[j]) == self.mujoco.mjtJoint.mjJNT_HINGE
-            before = X * pin.SE3(np.eye(3), anchor) * _moved(turns, axis, -float(model.qpos0[model.jnt_qposadr[j]]))
+            before = X * pin.SE3(np.eye(3), anchor) * moved(turns, axis, -float(model.qpos0[model.jnt_qposadr[j]]))
             held = self._held(j)
             if held is not None:
-                X = before * _moved(turns, axis, held) * pin.SE3(np.eye(3), -anchor)
+                X = before * moved(turns, axis, held) * pin.SE3(np.eye(3), -anchor)
                 continue
             last = j == moving[-1] and not np.any(anchor)
             child = link if last else self.urdf.free(f"{self.joints[j]}_frame")
@@ -197,13 +191,6 @@ class _MjcfWriter:
     def _has_axis(self, j: int) -> bool:
         kinds = self.mujoco.mjtJoint
         return int(self.model.jnt_type[j]) in (kinds.mjJNT_SLIDE, kinds.mjJNT_HINGE)
-
-
-def _moved(turns: bool, axis: Array, value: float) -> pin.SE3:
-    """The motion of a joint about or along its axis, by rad or m."""
-    if turns:
-        return pin.SE3(pin.exp3(axis * value), np.zeros(3))
-    return pin.SE3(np.eye(3), axis * value)
 
 
 def _unique(names: list[str], taken: set[str], ending: str = "_") -> list[str]:

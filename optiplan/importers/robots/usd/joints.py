@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.importers.robots.urdf_tree import moved
 from optiplan.importers.robots.usd.shapes import is_body
 from optiplan.importers.robots.usd.stage import UsdStage, schemas
 
@@ -103,7 +104,7 @@ def _joint(stage: UsdStage, prim: Any, places: Mapping[str, pin.SE3]) -> UsdJoin
     lower, upper = _limits(stage, prim, kind, key)
     X_0F, X_1F = ends[0][1], ends[1][1]
     if lower == upper:
-        X_0F, kind = X_0F * moved(kind, axis, lower), FIXED
+        X_0F, kind = X_0F * moved(kind == TURNS, axis, lower), FIXED
     drive = key if f"PhysicsDriveAPI:{key}" in schemas(prim) else ""
     return UsdJoint(
         prim,
@@ -119,13 +120,6 @@ def _joint(stage: UsdStage, prim: Any, places: Mapping[str, pin.SE3]) -> UsdJoin
         not bool(stage.value(prim, "physics:excludeFromArticulation", False)),
         _mimic(stage, prim, kind),
     )
-
-
-def moved(kind: str, axis: Array, q: float) -> pin.SE3:
-    """J(q): the turn about an axis by q rad, or the slide along it by q m."""
-    if kind == TURNS:
-        return pin.SE3(pin.exp3(axis * q), np.zeros(3))
-    return pin.SE3(np.eye(3), axis * q)
 
 
 def _end(stage: UsdStage, prim: Any, k: int, places: Mapping[str, pin.SE3]) -> tuple[str, pin.SE3]:

@@ -16,6 +16,7 @@ import pinocchio as pin
 import trimesh
 
 from optiplan.arrays import Array
+from optiplan.geometry.mass_properties import primitive_inertia
 from optiplan.importers.robots.usd.shapes import UsdShape
 from optiplan.importers.robots.usd.stage import Affine, UsdStage, schemas
 
@@ -82,19 +83,8 @@ def _of_material(stage: UsdStage, prim: Any) -> float:
 
 def filled_with_one(shape: UsdShape) -> pin.Inertia:
     """The inertia of a shape of 1 kg/m³ in its L: its mass is its volume, m³; a mesh counts as its hull."""
-    if shape.kind == "box":
-        x, y, z = shape.sizes
-        return shape.X.act(pin.Inertia.FromBox(x * y * z, x, y, z))
-    if shape.kind == "sphere":
-        (radius,) = shape.sizes
-        return shape.X.act(pin.Inertia.FromSphere(4.0 / 3.0 * np.pi * radius**3, radius))
-    if shape.kind == "cylinder":
-        radius, length = shape.sizes
-        return shape.X.act(pin.Inertia.FromCylinder(np.pi * radius**2 * length, radius, length))
-    if shape.kind == "capsule":
-        radius, length = shape.sizes
-        volume = np.pi * radius**2 * (length + 4.0 / 3.0 * radius)
-        return shape.X.act(pin.Inertia.FromCapsule(volume, radius, length))
+    if shape.kind in ("box", "sphere", "cylinder", "capsule"):
+        return shape.X.act(primitive_inertia(shape.kind, shape.sizes))
     if shape.kind == "plane":
         return pin.Inertia.Zero()
     try:

@@ -16,8 +16,8 @@ from optiplan.arrays import Array
 from optiplan.config.messages import some
 from optiplan.importers.robots.description import Description
 from optiplan.importers.robots.urdf_shapes import MeshFiles, add_shape
-from optiplan.importers.robots.urdf_tree import UrdfTree
-from optiplan.importers.robots.usd.joints import SLIDES, TURNS, UsdJoint, moved, read_joints
+from optiplan.importers.robots.urdf_tree import FAR, WORLD, UrdfTree, moved
+from optiplan.importers.robots.usd.joints import SLIDES, TURNS, UsdJoint, read_joints
 from optiplan.importers.robots.usd.masses import body_inertia
 from optiplan.importers.robots.usd.shapes import NOT_READ, UsdShape, gprims, shape_of
 from optiplan.importers.robots.usd.stage import UsdStage, schemas
@@ -25,10 +25,6 @@ from optiplan.importers.robots.usd.tree import Articulation, read_tree, rigid_bo
 from optiplan.robot.urdf.elements import inertial_element, number_words
 from optiplan.robot.urdf.srdf import LinkPair, link_pair
 
-FAR = 100.0
-"""m; a slide without limits is given these, since a URDF has no endless ones."""
-
-WORLD = "world"
 DRAWN = "drawn"
 """The configuration in which the stage shows the robot."""
 
@@ -114,14 +110,12 @@ class _UsdWriter:
             self.urdf.joint(self.urdf.free(f"{link}_fixed"), "fixed", (WORLD, link), self.places[path])
             return
         joint, carrier = carried
-        forward = joint.bodies[1] == path
-        X_PF, X_CF = joint.frames if forward else joint.frames[::-1]
-        axis = joint.axis if forward else -joint.axis
+        X_PF, X_CF, axis = _frames(joint, path)
         parent, name = self.names[carrier], self.names[joint.path]
-        q = self._position(joint, carrier, path, (X_PF, X_CF, axis))
-        if not joint.moves or joint.path in self._held:
-            X_PC = X_PF * moved(joint.kind, axis, q) * X_CF.inverse() if joint.moves else X_PF * X_CF.inverse()
-            self.urdf.joint(name, "fixed", (parent, link), X_PC)
+        q, still = self._position(joint, carrier, path), self._still_at(joint.path)
+        if still is not None:
+            X_FF = moved(joint.kind == TURNS, axis, still) if joint.moves else pin.SE3.Identity()
+            self.urdf.joint(name, "fixed", (parent, link), X_PF * X_FF * X_CF.inverse())
             return
         own = X_CF.isIdentity(1e-12)
         child = link if own else self.urdf.free(f"{name}_frame")
@@ -131,9 +125,29 @@ class _UsdWriter:
             self.urdf.link(child)
             self.urdf.joint(self.urdf.free(f"{link}_fixed"), "fixed", (child, link), X_CF.inverse())
 
-    def _position(self, joint: UsdJoint, carrier: str, path: str, frames: tuple[pin.SE3, pin.SE3, Array]) -> float:
+    def _still_at(self, name: str, followers: tuple[str, ...] = ()) -> float | None:
+        """The position at which a joint stands still, itself or with the joint that it follows; None: it moves."""
+        joint = self.joints[name]
+        if not joint.moves:
+            return joint.lower if joint.lower == joint.upper else 0.0
+        if name in self._held:
+            return next(
+                self._position(joint, carried[1], path)
+                for path, carried in self.tree.carried.items()
+                if carried is not None and carried[0] is joint
+            )
+        if joint.mimic is None or joint.mimic[0] not in self.joints or name in followers:
+            return None
+        leader, factor, offset = joint.mimic
+        value = self._still_at(leader, (*followers, name))
+        if value is None:
+            return None
+        self.notes.append(f"{name} stands still with {leader}, which it follows")
+        return factor * value + offset
+
+    def _position(self, joint: UsdJoint, carrier: str, path: str) -> float:
         """The position at which the stage shows a joint, rad or m; a remark where its bodies are not where it says."""
-        X_PF, X_CF, axis = frames
+        X_PF, X_CF, axis = _frames(joint, path)
         X_WP = self.places[carrier] if carrier else pin.SE3.Identity()
         X = (X_WP * X_PF).actInv(self.places[path] * X_CF)
         motion = pin.log6(X)
@@ -142,7 +156,7 @@ class _UsdWriter:
             q = float(axis @ pin.log3(X.rotation))
         elif joint.kind == SLIDES:
             q = float(axis @ X.translation)
-        off = pin.log6(moved(joint.kind, axis, q).actInv(X)) if joint.moves else motion
+        off = pin.log6(moved(joint.kind == TURNS, axis, q).actInv(X)) if joint.moves else motion
         if max(np.linalg.norm(off.linear), np.linalg.norm(off.angular)) > OFF:
             self.notes.append(f"{path} is not drawn where the joint {joint.path} puts it: the joint counts")
         if joint.moves and not joint.lower <= q <= joint.upper:
@@ -236,6 +250,12 @@ class _UsdWriter:
         if any(str(prim.GetTypeName()) == "PhysicsCollisionGroup" for prim in self.stage.prims()):
             self.notes.append("not believed: collision groups; all pairs of links are checked as OptiPlan chooses them")
         return tuple(sorted(pairs))
+
+
+def _frames(joint: UsdJoint, path: str) -> tuple[pin.SE3, pin.SE3, Array]:
+    """The frames of a joint in the body that carries and in the body `path` that is carried, and the axis."""
+    forward = joint.bodies[1] == path
+    return (*(joint.frames if forward else joint.frames[::-1]), joint.axis if forward else -joint.axis)
 
 
 def _empty_frames(stage: UsdStage, body: Any) -> list[Any]:
