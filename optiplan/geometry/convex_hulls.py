@@ -13,7 +13,7 @@ from optiplan.geometry.over_cover import MeshSolid
 FLAT = 1e-5
 """m; thickness added to flat meshes on either side."""
 
-_VERSION = b"2"
+_VERSION = b"1"
 """Change it when `covering_hull` returns something else, so that cached hulls are made again."""
 
 _LEAST_RATIO = 1e-6
@@ -22,14 +22,8 @@ _LEAST_RATIO = 1e-6
 _MOST_NEIGHBOURS = 255
 """coal counts the neighbours of a vertex in eight bits and writes beyond its memory if there are more."""
 
-MOST_CORNERS = 65_535
-"""The native core numbers the corners of a hull in sixteen bits; a finely tessellated ball may have more."""
-
 _FACES = 200
 """Faces of a simplified hull: no corner has more neighbours than there are faces, so coal can count them."""
-
-_FINE_FACES = 1000
-"""Faces of a simplified hull that has few neighbours: around a ball they reach 0.2 % of its radius beyond it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +76,7 @@ def covering_hull(vertices: Array) -> Hull:
     """Return the hull of points (k, 3), m, or a convex body around it where coal cannot build the hull.
 
     Points thinner than a millionth of their extent are thickened by `FLAT` or by that millionth. A hull with a corner
-    of more than 255 neighbours is replaced by `_FACES` of its supporting half-spaces, and one of more than 65,535
-    corners by `_FINE_FACES`.
+    of more than 255 neighbours is replaced by `_FACES` of its supporting half-spaces.
 
     Raises:
         ValueError: fewer than four points, all in one plane, or not finite.
@@ -145,30 +138,20 @@ def thickened_hull(points: Array) -> Hull:
 
 
 def _within_limits(hull: Any) -> Hull:
-    """Return the hull, or a body of fewer faces around it if coal or the core cannot count neighbours or corners."""
+    """Return the hull, or a body of fewer faces around it if a corner has more neighbours than coal can count."""
     from scipy.spatial import ConvexHull
 
-    plain = around = _outward(hull)
-    for count in (_FINE_FACES, _FACES):
-        few = _most_neighbours(around) <= _MOST_NEIGHBOURS
-        if few and len(around.vertices) <= MOST_CORNERS:
-            break
-        if few or count == _FACES:
-            corners = _supporting(plain.vertices, hull.equations, count)
-            around = _outward(ConvexHull(corners, qhull_options="Qt"))
-    if around is plain:
+    plain = _outward(hull)
+    edges = np.unique(np.sort(plain.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    if np.bincount(edges.ravel()).max() <= _MOST_NEIGHBOURS:
         return plain
+    around = _outward(ConvexHull(_supporting(plain.vertices, hull.equations), qhull_options="Qt"))
     beyond = MeshSolid(plain.vertices[plain.triangles]).nearest(around.vertices)[0]
     return Hull(around.vertices, around.triangles, float(beyond.max()))
 
 
-def _most_neighbours(hull: Hull) -> int:
-    edges = np.unique(np.sort(hull.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
-    return int(np.bincount(edges.ravel()).max())
-
-
-def _supporting(vertices: Array, faces: Array, count: int) -> Array:
-    """Return the corners (k, 3), m, of the intersection of `count` supporting half-spaces of vertices (v, 3).
+def _supporting(vertices: Array, faces: Array) -> Array:
+    """Return the corners (k, 3), m, of the intersection of `_FACES` supporting half-spaces of vertices (v, 3).
 
     Their normals are those of a box about the body, then those of its faces (f, 4), each time the farthest from all
     normals chosen before.
@@ -177,9 +160,9 @@ def _supporting(vertices: Array, faces: Array, count: int) -> Array:
 
     centre = vertices.mean(axis=0)
     _, _, axes = np.linalg.svd(vertices - centre, full_matrices=False)
-    normals = np.concatenate([axes, -axes, np.empty((count - 6, 3))])
+    normals = np.concatenate([axes, -axes, np.empty((_FACES - 6, 3))])
     nearest = (faces[:, :3] @ normals[:6].T).max(axis=1)
-    for k in range(6, count):
+    for k in range(6, _FACES):
         normals[k] = faces[np.argmin(nearest), :3]
         nearest = np.maximum(nearest, faces[:, :3] @ normals[k])
     normals = np.unique(normals, axis=0)

@@ -3,13 +3,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from optiplan._core import core
-from optiplan.geometry import convex_hulls
 from optiplan.geometry.convex import CoacdOptions, faces_of, hull_of, mesh_vertices, pieces_of, protrusion, soup_of
-from optiplan.geometry.convex_hulls import MOST_CORNERS
 from optiplan.robot.robot import load_robot
-from optiplan.verify.continuous.bodies import BodyShape
-from optiplan.verify.planes.plane_search import _made
 from tests.robot.robots import LINK, joint, write_robot
 
 
@@ -118,27 +113,3 @@ def test_each_link_as_the_robot_file_says(angle, tmp_path, collision, kind, bodi
     assert all(isinstance(shape, coal.BVHModelBase) == (kind == "mesh") for shape in shapes)
     assert len({item.name for item in robot.geometry.geometryObjects}) == robot.geometry.ngeoms
     assert bool([note for note in robot.notes if "convex pieces" in note]) == (kind == "convex_pieces")
-
-
-def ball(count):
-    """Points of a sphere of radius 0.1 m, all of them corners of their hull: a Fibonacci lattice."""
-    k = np.arange(count) + 0.5
-    polar, around = np.arccos(1.0 - 2.0 * k / count), np.pi * (1.0 + np.sqrt(5.0)) * k
-    return 0.1 * np.stack([np.cos(around) * np.sin(polar), np.sin(around) * np.sin(polar), np.cos(polar)], axis=1)
-
-
-def test_a_hull_of_more_corners_than_the_core_can_number_gets_fewer_faces(monkeypatch):
-    points = ball(4000)
-    assert len(convex_hulls.covering_hull(points).vertices) == 4000
-    monkeypatch.setattr(convex_hulls, "MOST_CORNERS", 3000)
-    hull = convex_hulls.covering_hull(points)
-    assert len(hull.vertices) <= 3000
-    assert protrusion(faces_of(hull.vertices), points).max() < 1e-9
-    assert 0.0 < hull.over_cover < 1e-3
-
-
-@pytest.mark.skipif(core is None, reason="without the native core nothing is numbered")
-def test_the_verifier_takes_meshes_of_more_corners_than_the_core_can_number():
-    points = ball(MOST_CORNERS + 10)
-    made = _made(BodyShape(coal.BVHModelOBBRSS(), None, points, np.zeros(3), 0.1))
-    assert made is not None

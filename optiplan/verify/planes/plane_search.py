@@ -18,7 +18,6 @@ from optiplan._core import core
 from optiplan.arrays import Array, Flags, Index, distinct
 from optiplan.collision.model import CollisionModel, SameBodies
 from optiplan.collision.native_model import native_shape
-from optiplan.geometry.convex_hulls import MOST_CORNERS
 from optiplan.robot.loaded_robots import once_for_each
 from optiplan.robot.mimic_joints import coupling, screws
 from optiplan.trajectory.trajectory import Trajectory
@@ -256,8 +255,7 @@ def _proved(known: BodyShape) -> "ProvedShape | None":
     flat = isinstance(known.shape, coal.Halfspace)
     if not (len(points) or known.round is not None or flat):
         return None
-    few = points[:: -(-len(points) // MOST_CORNERS) or 1]  # of a hull with more, some do to propose normals
-    outline = core.Shape.convex_hull(np.ascontiguousarray(few)) if len(points) else native_shape(known.shape)
+    outline = core.Shape.convex_hull(points) if len(points) else native_shape(known.shape)
     return None if outline is None else core.ProvedShape.of(outline, round_, points)
 
 
