@@ -213,7 +213,7 @@ class _NonzeroEndRun:
 def _run_up_from(rest: Array, run_ups: Sequence[tuple[Array, Trajectory | None]], robot: Robot) -> Trajectory | None:
     """Return the run-up that begins at `rest` (n,), up to whole turns of endless joints; None where there is none."""
     for q, run_up in run_ups:
-        turned = endless_turns(robot, q, rest)[0]
+        turned = endless_turns(robot, q, rest, 1)[0]
         if run_up is not None and np.abs(turned - rest).max() < _SAME:
             coefficients = run_up.coefficients.copy()
             coefficients[:, 0] += turned - q
