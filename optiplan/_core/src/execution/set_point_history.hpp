@@ -15,8 +15,8 @@ struct NearestPlace {
 // Set-points of n joints in a ring; between two of them the way is a straight line.
 class SetPointHistory {
   public:
-    // The last set-point is replaced until it is `spacing`, s, after the one before it; those older than `kept`, s, are
-    // forgotten.
+    // The last set-point is replaced by one that is at most `spacing`, s, after the one before it; those older than
+    // `kept`, s, may be forgotten.
     SetPointHistory(int joints, double kept, double spacing);
 
     int joints() const { return joints_; }
