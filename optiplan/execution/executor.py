@@ -1,6 +1,5 @@
 """`Executor`: the set-points of a verified run, one a tick, at a speed that changes on the way."""
 
-import math
 import weakref
 from collections import deque
 from collections.abc import Mapping
@@ -11,7 +10,7 @@ from optiplan.arrays import number_argument
 from optiplan.errors import described, wrong_argument
 from optiplan.execution import arguments
 from optiplan.execution.due_events import DueEvents
-from optiplan.execution.law_follower import ELSEWHERE, LawFollower
+from optiplan.execution.law_follower import LawFollower
 from optiplan.execution.paths.joint_stop import Detour, JointStops
 from optiplan.execution.paths.next_path import NextPath, spliced_path
 from optiplan.execution.paths.path_laws import PathPlace, SetPoint
@@ -100,10 +99,10 @@ class Executor(LawFollower):
         self._planning: PlanningProcess | None = None
         if self._policy.reaction != "wait":
             watch.prepare(self._path.forwards)
-        if self._policy.reaction == "replan":
-            self._planning = PlanningProcess.of(run, watch, self._policy)
-            self._leave = weakref.finalize(self, self._planning.leave)  # is called once
         self._tracking = TrackingMonitor(self._path, deviation, tracking or TrackingPolicy())
+        if self._policy.reaction == "replan":
+            self._planning = PlanningProcess.of(run, watch, self._policy, self._tracking.prepare)
+            self._leave = weakref.finalize(self, self._planning.leave)  # is called once
         self._stretch: PathStretch = self._path.forwards
         self._stops = JointStops(self._path)
         self._stops.prepare()
@@ -260,8 +259,7 @@ class Executor(LawFollower):
             InputError: the latency is no number of seconds >= 0.
         """
         then = self.time + number_argument("Executor.state_in", "latency", latency, "seconds >= 0", 0.0)
-        point = self._stretch.laws.set_point(self._law, then)
-        state = State(point.q, point.v, point.a)
+        state = self._state_at(then)
         self._predicted.append((then, state, self._law))
         return state
 
@@ -289,6 +287,7 @@ class Executor(LawFollower):
             self._detour.drop()
         while self.time < end:
             now, self.time = self.time, min(end, self.time + arguments.LONGEST_TICK)
+            self._note_way(self.time)
             point = self._point()
             place = self._stretch.place(point.place.s)
             self._tracking.tick(None, now, self.time, point.q, place, on_path=self._detour is None)
@@ -306,8 +305,9 @@ class Executor(LawFollower):
             Whether the run takes over.
         """
         states = [(then, state) for then, state, law in self._predicted if law is self._law]
-        rests = self._law.settled if self._law.target == 0.0 else math.inf
-        found = spliced_path(run, self.run, states, rests, self.time, at_rest_only=self._scene.people is not None)
+        standing = self._state_at(self.time) if self._rests else None
+        beside = self._people is not None
+        found = spliced_path(run, self.run, states, standing, self.time, self._policy, at_rest_only=beside)
         if isinstance(found, str):
             self.stop(found)
             return False
@@ -338,12 +338,14 @@ class Executor(LawFollower):
             self._take_over(self._next)
         now = self.time
         self.time += step
+        self._note_way(self.time)
         if self._pending and self._replace_law():
             self._yield()
         before = None
         while self._rests and self._law is not before:  # a way back may be over within the tick in which it begins
             before = self._law
             self._turn()
+            self._note_way(self.time)
         point = self._point()
         place = self._stretch.place(point.place.s)
         reason = self._tracking.tick(measured, now, self.time, point.q, place, on_path=self._detour is None)
@@ -356,6 +358,11 @@ class Executor(LawFollower):
         for stretch in (self._stretch, self._path.first_way_back):
             if stretch is not None:
                 self._scene.prepare(stretch, at_once=True)
+
+    def prepare_path(self, path: ProvedPath) -> None:
+        """Make what `splice` needs of a path, from any thread, which takes milliseconds; else `splice` does."""
+        self._tracking.prepare(path)
+        self._scene.watch_over(path, at_once=True)
 
     def close(self) -> None:
         """Leave the process that plans, if the policy has one, to the next run; else it ends with the executor."""
@@ -371,29 +378,6 @@ class Executor(LawFollower):
     def stopping(self, places: int = STOP_PLACES) -> Stopping:
         """Return the stop along the path from full speed, at equally spaced places of the motion, at least one."""
         return self._path.forwards.laws.stopping(places)
-
-    def _take_over(self, coming: NextPath) -> None:
-        self._next = None
-        if coming.number and self._planning is not None:
-            if self._held != "waiting":
-                return
-            self._held, self._reason, self._planning.number = "", "", coming.number
-        path, then, start = coming.path, coming.then, coming.path.run.problem.start_state
-        point = self._stretch.laws.set_point(self._law, then)
-        there = arguments.same_state(State(point.q, point.v, point.a), start)
-        if then < self.time or not there:  # whatever led elsewhere
-            self.stop(ELSEWHERE)
-            return
-        place = self._stretch.place(point.place.s)
-        self._events = self._events.then(path, place)
-        self._path, self._stretch = path, path.forwards
-        self._scene, self._stops, self._detour = self._scene.over(coming), JointStops(path), None
-        self._tracking.take_over(path)
-        self._backwards, self._wanted = False, 0.0 if self._held else self._override
-        self._law = self._start_law(path, self._wanted, then)
-        self._pending = self._wanted != self._law.target
-        if not self._pending:
-            self._yield()
 
     def _status(self, point: SetPoint) -> Status:
         place, T = self._stretch.place(point.place.s), self._path.motion.duration

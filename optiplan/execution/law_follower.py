@@ -2,14 +2,18 @@
 
 from typing import TYPE_CHECKING
 
+from optiplan.execution.arguments import same_state
 from optiplan.execution.due_events import DueEvents
-from optiplan.execution.paths.joint_stop import Detour
+from optiplan.execution.paths.joint_stop import Detour, JointStops
 from optiplan.execution.paths.next_path import NextPath
 from optiplan.execution.paths.path_laws import SetPoint
-from optiplan.execution.paths.proved_path import PathStretch, ProvedPath, Turned
+from optiplan.execution.paths.proved_path import PathStretch, ProvedPath, Turned, held_in
+from optiplan.execution.scene.planning_process import PlanningProcess
 from optiplan.execution.scene.seen_scene import SeenScene
 from optiplan.execution.scene.separation import SeparationMonitor
 from optiplan.execution.status import Held
+from optiplan.execution.tracking_monitor import TrackingMonitor
+from optiplan.trajectory.state import State
 
 if TYPE_CHECKING:
     from optiplan._core._core_base import TimeLaw
@@ -42,6 +46,10 @@ class LawFollower:
     _next: NextPath | None
     _events: DueEvents
     _scene: SeenScene
+    _stops: JointStops
+    _tracking: TrackingMonitor
+    _planning: PlanningProcess | None
+    _reason: str
     _blocking: tuple[str, str] | None  # the bodies for which the robot stopped by itself last
 
     @property
@@ -72,7 +80,7 @@ class LawFollower:
     def _misfit(self, coming: NextPath) -> str:
         """Return why the path of `splice` may not take over, or nothing."""
         place = self._stretch.place(self._law.at(coming.then)[0])
-        held, taken = self._path.held_at(place), coming.path.held_at(0.0)
+        held, taken = self._path.held_at(place), held_in(coming.path.run.problem.scene)
         if held != taken:
             there, here = (", ".join(sorted(name for name, _ in of)) or "nothing" for of in (held, taken))
             return f"the motion that was to take over begins with {here} in hand; the robot will hold {there}"
@@ -83,6 +91,30 @@ class LawFollower:
         seen, stretch, then = self._scene.over(coming), coming.path.forwards, coming.then
         law = self._start_law(coming.path, self._override, then)
         return any(seen.blocked(stretch, one, then) is None for one in (law, stretch.laws.then_stop(law, then)))
+
+    def _take_over(self, coming: NextPath) -> None:
+        """Go on along the path that was to take over, if the robot comes to the state in which that begins."""
+        self._next = None
+        if coming.number and self._held != "waiting":
+            return
+        path, then = coming.path, coming.then
+        if then < self.time or not same_state(self._state_at(then), path.run.problem.start_state):
+            self.stop(ELSEWHERE)  # whatever led elsewhere
+            return
+        self._note_way(then)
+        self._events = self._events.then(path, self._stretch.place(self._law.at(then)[0]))
+        self._path, self._stretch = path, path.forwards
+        self._scene, self._stops, self._detour = self._scene.over(coming), JointStops(path), None
+        if self._held == "waiting":  # for what blocks the path that was left
+            self._held, self._reason, self._blocking = "", "", None
+        if self._planning is not None:
+            self._planning.follow(path.run, self._scene.watch, coming.number)
+        self._tracking.take_over(path)
+        self._backwards, self._wanted = False, 0.0 if self._held else self._override
+        self._law = self._start_law(path, self._wanted, then)
+        self._pending = self._wanted != self._law.target
+        if not self._pending:
+            self._yield()
 
     def _start_law(self, path: ProvedPath, speed: float, then: float) -> "TimeLaw":
         """Return the law at the start of a motion: at rest any speed will do, in motion that of the plan.
@@ -202,5 +234,14 @@ class LawFollower:
             return turned
         return turned._replace(clear=True)
 
+    def _note_way(self, then: float) -> None:
+        """Have the monitor know the way of the law up to a time, s."""
+        self._tracking.pass_along(self._stretch, self._law, then, on_path=self._detour is None)
+
     def _point(self) -> SetPoint:
         return self._stretch.laws.set_point(self._law, self.time)
+
+    def _state_at(self, then: float) -> State:
+        """Return the state at a time, s, if nothing is changed until then."""
+        point = self._stretch.laws.set_point(self._law, then)
+        return State(point.q, point.v, point.a)

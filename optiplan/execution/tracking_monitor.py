@@ -1,18 +1,21 @@
 """How far the measured robot is from the proved motion, and how old its states are."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from optiplan._core import core
 from optiplan.arrays import Array, is_finite, number_argument
 from optiplan.errors import described
-from optiplan.execution.arguments import numbers
+from optiplan.execution.arguments import ROUNDED, numbers
 from optiplan.execution.clearance_left import ClearanceLeft
 from optiplan.execution.measurement import Measurement
-from optiplan.execution.paths.proved_path import ProvedPath
+from optiplan.execution.paths.proved_path import PathStretch, ProvedPath
 from optiplan.trajectory.state import State
+
+if TYPE_CHECKING:
+    from optiplan._core._core_base import TimeLaw
 
 LEAP = 0.1
 """s by which stamps may run ahead of the ticks: so long a tick may be missing."""
@@ -24,7 +27,7 @@ LEAST = 1e-9
 """rad or m: a joint without a tube may be so far off."""
 
 SPACING = 2e-3
-"""s between two set-points that are kept; 10 rad/s² leave the straight line between them by 5e-6 rad."""
+"""s between two set-points that are kept, at most; 10 rad/s² leave the straight line between them by 5e-6 rad."""
 
 FAR = 0.01
 """rad or m: unit in which joints without a bound are compared."""
@@ -87,6 +90,7 @@ class TrackingMonitor:
     def __init__(self, path: ProvedPath, deviation: float | None, policy: TrackingPolicy) -> None:
         self._most, self._policy = deviation, policy
         kept = policy.most_lag + policy.oldest + MORE_KEPT
+        self._noted = 0.0  # time of the last set-point in the history, s
         self._history = core.SetPointHistory(path.motion.n, kept, SPACING)
         self._history.note(0.0, path.motion.start, 0.0, 0)
         self._proved: list[tuple[Array, Array, ClearanceLeft | None]] = []  # limits as stated, as checked
@@ -116,9 +120,21 @@ class TrackingMonitor:
         self._fastest = FAST * problem.limits.velocity
         self._endless = problem.robot.endless if problem.robot.endless.any() else None
 
+    def pass_along(self, stretch: PathStretch, law: "TimeLaw", until: float, *, on_path: bool = True) -> None:
+        """Take the set-points on the way of a law from the last one until a time, s, or until it stands still."""
+        end = min(until, law.settled) if law.target == 0.0 else until
+        while end - self._noted > SPACING + ROUNDED:
+            self._noted += SPACING
+            point = stretch.laws.set_point(law, self._noted)
+            self._note(self._noted, point.q, stretch.place(point.place.s), on_path)
+
+    def _note(self, time: float, q: Array, place: float, on_path: bool) -> None:
+        self._noted = time
+        self._history.note(time, q, place, 2 * len(self._proved) - (2 if on_path else 1))
+
     def tick(self, measured: Any, now: float, time: float, q: Array, place: float, *, on_path: bool = True) -> str:
         """Take a set-point q (n,) at `time`, s, and what was measured `now`; return why to stop, or nothing."""
-        self._history.note(time, q, place, 2 * len(self._proved) - (2 if on_path else 1))
+        self._note(time, q, place, on_path)
         if measured is None:
             silent = now - self._seen
             late = self.deviation is not None and silent > self._policy.oldest and place < self._path.motion.duration

@@ -26,3 +26,17 @@ def run_of(tmp_path_factory: pytest.TempPathFactory, example: Callable[[str], op
         return made_once(tmp_path_factory, f"executed-{name}", lambda: planned(name))
 
     return cache(run)
+
+
+@pytest.fixture(scope="session")
+def endless_run(tmp_path_factory: pytest.TempPathFactory) -> op.Run:
+    """Return the verified run of one joint without limits of position, from 0.1 to 1.5 rad."""
+    file = tmp_path_factory.mktemp("endless") / "robot.yaml"
+    rows = "[{name: turn, joint: revolute, a: 0.3}]"
+    limits = "{velocity: 2, acceleration: 8, jerk: 80}"
+    dh = f"{{convention: standard, unit: rad, radius: 0.05, rows: {rows}}}"
+    file.write_text(f"version: 1\nname: one\ndh: {dh}\nlimits: {limits}\n")
+    run = op.plan(op.Problem(str(file), [0.1], [1.5]), budget=1.0)
+    assert run.verified
+    assert run.problem.robot.endless.all()
+    return run

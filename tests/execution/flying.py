@@ -26,12 +26,12 @@ def clearance(run, q, position):
     return min(one.distance for one in contacts if "ball" in (one.pair.name_a, one.pair.name_b))
 
 
-def executed(run, policy, ball, velocity, most=4.0, late=0.0):
+def executed(run, policy, ball, velocity, most=4.0, late=0.0, clearance_of=0.0):
     """Execute beside a ball that is seen from BEGIN on, every plan there `late` s after it was asked for.
 
     Returns the executor, the ticks, and the least distance from the ball, m.
     """
-    executor, ticks, least = op.Executor(run, policy=policy), [], np.inf
+    executor, ticks, least = op.Executor(run, policy=policy, clearance=clearance_of), [], np.inf
     planning = executor._planning
     if planning is not None:
         answer = planning.answer

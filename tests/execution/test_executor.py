@@ -3,9 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import optiplan as op
+from optiplan.problem.problem import derived
+from optiplan.problem.task.timeline import final_scene, scene_parts
 
 DT = 1e-3
 
@@ -150,6 +153,99 @@ def test_an_execution_is_not_done_before_the_run_that_is_to_take_over(run_of):
     phases = [tick.status.phase for tick in executed(executor, lambda *_: None)]
     assert phases.index("done") == len(phases) - 1
     assert executor.run is home
+
+
+@pytest.fixture(scope="module")
+def home(run_of):
+    """A run from the end of `01_reach` to its start."""
+    run = run_of("01_reach")
+    return op.plan(run.problem.with_start(run.trajectory.end).with_goal(run.problem.start), budget=1.0)
+
+
+@pytest.mark.parametrize("ask", [lambda executor: None, lambda executor: setattr(executor, "override", 0.5)])
+def test_at_the_end_another_run_takes_over_whenever_it_comes(run_of, home, ask):
+    executor = op.Executor(run_of("01_reach"))
+    executed(executor, lambda *_: None)
+    executor.state_in(0.0)
+    ask(executor)
+    for _ in range(50):
+        executor.tick(DT)
+    assert executor.splice(home)
+    ticks = executed(executor, lambda *_: None)
+    assert executor.status.reason == ""
+    np.testing.assert_allclose(ticks[-1].q, home.trajectory.end, atol=1e-12)
+
+
+def test_a_run_from_a_state_that_was_passed_is_late_also_at_the_end(run_of):
+    run = run_of("01_reach")
+    executor = op.Executor(run)
+    for _ in range(200):
+        executor.tick(DT)
+    second = op.plan(run.problem.with_start(executor.state_in(0.05)), budget=1.0)
+    executed(executor, lambda *_: None)
+    assert not executor.splice(second)
+    assert "late" in executor.status.reason
+
+
+def test_a_run_of_a_robot_that_is_mounted_elsewhere_or_another_one_is_refused(run_of, home):
+    robot = home.problem.robot
+    moved = robot.mounted(replace(robot.mounting, X_WB=pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.1]))))
+    for other in (moved, replace(robot, fingerprint="of another file"), replace(robot, locked={"finger": 0.04})):
+        executor = op.Executor(run_of("01_reach"))
+        executed(executor, lambda *_: None)
+        assert not executor.splice(replace(home, problem=derived(home.problem, robot=other)))
+        assert "of another robot" in executor.status.reason
+
+
+def test_a_robot_that_stands_at_an_end_begins_as_fast_as_planned(run_of):
+    """As the motion does, which is at rest there: there is nothing to be led up to."""
+    run = run_of("01_reach")
+    executor = op.Executor(run, override=0.0)
+    executor.tick(DT)
+    executor.override = 1.0
+    executor.resume()
+    begin = executor.time
+    executed(executor, lambda *_: None)
+    assert executor.time - begin == pytest.approx(run.duration, abs=2 * DT)
+    executor.reverse()
+    ticks, begin = [executor.tick(DT)], executor.time
+    while executor.status.place > 0.0:
+        ticks.append(executor.tick(DT))
+    assert executor.time - begin == pytest.approx(run.duration, abs=2 * DT)
+    assert_within_limits(run, ticks)
+
+
+CUBE = op.Box("cube", size=(0.04, 0.04, 0.04), position=(0.0, 0.0, 1.5))
+UR5 = [0.0, -1.5, 1.5, -1.5, -1.5, 0.0]
+
+
+def carried(start, goal, cube):
+    task = op.Task().attach("cube", "wrist_3_link", mass=1.0).move(goal).detach("cube")
+    run = op.plan(op.Problem("ur5", start, scene=op.Scene([cube]), task=task), budget=3.0)
+    assert run.verified
+    return run
+
+
+def test_what_is_in_hand_at_the_ends_of_a_task_is_what_its_events_there_left():
+    first = carried(UR5, [0.2, -1.4, 1.4, -1.5, -1.5, 0.0], CUBE)
+    executor = op.Executor(first)
+    ticks = executed(executor, lambda *_: None)
+    assert [event.kind for tick in ticks for event in tick.events] == ["attach", "detach"]
+    q, still = ticks[-1].q, np.zeros(6)
+    model = first.problem.robot.model
+    np.testing.assert_allclose(ticks[-1].torque, pin.rnea(model, model.createData(), q, still, still), atol=1e-6)
+    assert np.abs(ticks[-1].torque - ticks[-2].torque).max() > 1.0
+    last = scene_parts(first.problem, first.trajectory)[-1].problem
+    holding = derived(last, start=q, goal=(op.JointGoal(np.array(UR5)),))
+    assert not executor.splice(op.plan(holding, budget=1.0))
+    assert "begins with cube in hand; the robot will hold nothing" in executor.status.reason
+    executor.resume()
+    placed = final_scene(first.problem, first.trajectory).obstacles[0]
+    again = carried(q, UR5, placed)
+    assert executor.splice(again)
+    done = executed(executor, lambda *_: None)
+    assert executor.run is again
+    assert [event.kind for tick in done for event in tick.events] == ["attach", "detach"]
 
 
 def test_a_splice_that_is_late_or_elsewhere_ends_in_a_stop(run_of):

@@ -170,12 +170,28 @@ def test_silence_before_the_first_state_and_at_the_end_is_no_fault(plain):
     assert executor.status.reason == ""
 
 
-def test_a_joint_without_end_may_be_counted_by_turns():
-    found = op.plan(op.load_problem("16_delbot"), budget=2.0)
-    turns = 2.0 * np.pi * found.problem.robot.endless
-    executor = op.Executor(found, deviation=0.01)
-    executed(executor, lambda k, way: way[-1] - turns, 50)
-    assert executor.status.reason == "" if turns.any() else True
+def test_a_joint_without_end_may_be_counted_by_turns(endless_run):
+    executor = op.Executor(endless_run, deviation=0.01)
+    executed(executor, lambda k, way: way[-1] - 2.0 * np.pi, 50)
+    assert executor.status.reason == ""
+    executed(executor, lambda k, way: way[-1] - 2.0, 1)
+    assert "off the path" in executor.status.reason
+
+
+@pytest.mark.parametrize("step", [100, 40])
+def test_between_two_ticks_the_robot_is_expected_on_the_path(run, step):
+    """Not on the straight line between two set-points, 25 mrad beside it at 10 Hz; also where it turns in between."""
+    fine, way = op.Executor(run), [run.trajectory.start]
+    coarse = op.Executor(run, tracking=op.TrackingPolicy(latency=0.5 * step * DT))
+    for k in range(1200 // step):
+        if k * step == 400:
+            fine.reverse(), coarse.reverse()
+        tick = coarse.tick(step * DT, way[max(0, k * step - step // 2)])
+        way += [fine.tick(DT).q for _ in range(step)]
+        np.testing.assert_allclose(way[-1], tick.q, atol=1e-9)
+    assert coarse.status.speed < 0.0
+    assert coarse.status.reason == ""
+    assert coarse.status.deviation < 1e-4
 
 
 @pytest.mark.parametrize(

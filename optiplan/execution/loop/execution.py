@@ -187,10 +187,10 @@ class Execution:
         """Let another verified run take over; see `Executor.splice`. Its path is prepared in the calling thread."""
         given: Run | ProvedPath = run
         if isinstance(run, Run) and run.verified:
-            try:
-                given = ProvedPath(run, "Execution.splice")
-            except Exception:  # the executor finds the same, and stops with the reason
-                given = run
+            with suppress(Exception):  # the executor finds the same, and stops with the reason
+                path = ProvedPath(run, "Execution.splice")
+                self._executor.prepare_path(path)
+                given = path
         return bool(self._ask(lambda: self._executor.splice(given)))
 
     def subscribe(self, callback: Callable[[dict[str, Any]], None]) -> Callable[[], None]:
@@ -312,14 +312,17 @@ class Execution:
         q, start, names = numbers(found.q), begins.q, self.capabilities.joint_names
         if q.shape != start.shape:
             raise DriverError(f"the driver's state has {q.size} joints; expected {len(start)}")
-        off = np.nan_to_num(np.abs(q - start), nan=np.inf)
+        endless, turn = self._executor.run.problem.robot.endless, 2.0 * np.pi
+        turns = np.where(endless, turn * np.round(np.nan_to_num((q - start) / turn, posinf=0.0, neginf=0.0)), 0.0)
+        off = np.nan_to_num(np.abs(q - turns - start), nan=np.inf)
         worst, fastest = int(off.argmax()), int(np.abs(begins.v).argmax())
         if off[worst] > AT_START:
-            where = f"{names[worst]} is at {q[worst]:.4f}, where {start[worst]:.4f} is expected"
+            where = f"{names[worst]} is at {q[worst] - turns[worst]:.4f}, where {start[worst]:.4f} is expected"
             raise DriverError(f"the robot does not stand where the motion begins: {where}; move it there first")
         if abs(begins.v[fastest]) > AT_REST:
             speed = f"{names[fastest]} at {begins.v[fastest]:.4g} rad/s or m/s"
             raise DriverError(f"the motion begins with {speed}, and the robot stands; expected one from rest")
+        self._loop.turns = turns if turns.any() else None
 
     def _run(self) -> None:
         """The thread of the set-points."""

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Protocol
 
+from optiplan.arrays import Array
 from optiplan.execution.arguments import LONGEST_TICK
 from optiplan.execution.drivers.base import Capabilities, Driver
 from optiplan.execution.executor import Executor
@@ -68,6 +69,8 @@ class TickLoop:
         lateness: of the last ticks, s.
         beat: time.monotonic at the last tick, s.
         ended: whether no further set-point is sent.
+        turns: (n,) rad, whole ones by which the robot counts its endless joints farther than the motion; None: it does
+            not.
     """
 
     def __init__(
@@ -93,6 +96,7 @@ class TickLoop:
         self.missed, self.longest, self.beat = 0, 0.0, time.monotonic()
         self.lateness: deque[float] = deque(maxlen=KEPT_LATENESS)
         self.ended = False
+        self.turns: Array | None = None
 
     def run(self) -> str:
         """Send set-points until the robot stands still at the end or after a stop; return why that was at once.
@@ -137,7 +141,7 @@ class TickLoop:
         if self.ended:  # while the state was read
             return "ended"
         try:
-            self._driver.send(tick)
+            self._driver.send(tick if self.turns is None else _turned(tick, self.turns))
         except BaseException as error:  # whatever a driver raises, the robot is to stand still
             return f"the driver takes no set-point: {in_words(error)}"
         self._ahead, self._fresh = self._fresh or self._ahead, None
@@ -179,3 +183,9 @@ class TickLoop:
         ends = self.tick is not None and self.tick.status.phase in ("done", "stopped")
         self._still = self._still + self._period if ends else 0.0
         return self.ended or self._still > SETTLE + self._latency
+
+
+def _turned(tick: Tick, turns: Array) -> Tick:
+    """Return a tick with the positions of q farther by whole turns (n,), rad."""
+    ahead = None if tick.ahead is None else replace(tick.ahead, q=tick.ahead.q + turns)
+    return replace(tick, q=tick.q + turns, ahead=ahead)

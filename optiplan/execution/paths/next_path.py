@@ -3,10 +3,14 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from optiplan.errors import OptiPlanError
-from optiplan.execution.arguments import same_state
+from optiplan.execution.arguments import SAME_STATE, same_state
 from optiplan.execution.paths.proved_path import ProvedPath
+from optiplan.execution.scene.policy import Policy
 from optiplan.execution.scene.scene_watch import SceneWatch
+from optiplan.robot.robot import Robot
 from optiplan.runs.run import Run
 from optiplan.trajectory.state import State
 
@@ -27,8 +31,9 @@ def spliced_path(
     given: Run | ProvedPath,
     current: Run,
     states: Sequence[tuple[float, State]],
-    rests: float,
+    standing: State | None,
     now: float,
+    policy: Policy,
     *,
     at_rest_only: bool = False,
 ) -> NextPath | str:
@@ -38,8 +43,9 @@ def spliced_path(
         given: run that is to take over, or its path.
         current: that is executed.
         states: on the way, with their times, s, in which it may begin.
-        rests: s, from when on the robot stands still.
+        standing: where the robot stands still from now on; None where it does not.
         now: s.
+        policy: what is done where its path is blocked.
         at_rest_only: beside people.
     """
     try:
@@ -47,15 +53,28 @@ def spliced_path(
     except OptiPlanError as error:
         return f"the motion that was to take over: {error}"
     run = path.run
-    if run.problem.robot.joint_names != current.problem.robot.joint_names:
+    if not _same_robot(run.problem.robot, current.problem.robot):
         return "the motion that was to take over is of another robot"
-    if at_rest_only and rests > now:
+    refused = policy.refused(run.problem)
+    if refused:
+        return f"the motion that was to take over is a run of {refused}, which is not replanned"
+    if at_rest_only and standing is None:
         return "beside people a motion takes over only where the robot stands still"
     start = run.problem.start_state
     found = [then for then, state in states if same_state(state, start)]
+    if standing is not None and same_state(standing, start):
+        found = [max([now, *found[-1:]])]  # it stays in that state
     if not found:
         return "the motion that was to take over begins in a state that is not on the way"
-    then = max(found[-1], now) if rests <= found[-1] else found[-1]  # at rest it is in that state for ever
+    then = found[-1]
     if then < now:
         return f"the motion that was to take over came {now - then:.3f} s late"
     return NextPath(then, path)
+
+
+def _same_robot(one: Robot, other: Robot) -> bool:
+    """Whether two robots are one, mounted alike, whatever they hold."""
+    first, second = ((robot.fingerprint, robot.joint_names, dict(robot.locked)) for robot in (one, other))
+    a, b = one.mounting, other.mounting
+    mounts = (a.X_WB.homogeneous, b.X_WB.homogeneous), (a.gravity, b.gravity)
+    return first == second and all(np.allclose(x, y, rtol=0.0, atol=SAME_STATE) for x, y in mounts)

@@ -100,6 +100,7 @@ class PathLaws:
         limits: of the joints.
         loads: of all its stretches, in order.
         tolerance: share by which the motion's report lets these limits be passed.
+        starts_at_rest: whether the motion does, so that a law may begin there with any speed.
 
     Attributes:
         length: s of a law at the end of its path.
@@ -114,11 +115,12 @@ class PathLaws:
         limits: Limits,
         loads: Sequence[Load],
         tolerance: float = VerifyPolicy().limit_tolerance,
+        starts_at_rest: bool = False,
     ) -> None:
         if core is None:
             raise OptiPlanError("execution needs the native core of optiplan, which is not built: make core")
         self._forwards, self.length = motion, motion.duration
-        self._back, self._rests = False, True
+        self._back, self._rests, self._starts_at_rest = False, True, starts_at_rest
         step = float(np.clip(motion.duration * motion.n / JOINT_STEPS, SHORTEST_STEP, LONGEST_STEP))
         share = 1.0 + tolerance
         rates = np.array([limits.acceleration * share, limits.jerk * share, limits.torque * share])
@@ -154,7 +156,7 @@ class PathLaws:
         Where the motion does not begin at rest (`rests`), only those are laws that stop before, and `rest_to_rest`.
         """
         back = copy(self)
-        back._core, back._back, back._rests = self._core.mirrored(), True, rests
+        back._core, back._back, back._rests, back._starts_at_rest = self._core.mirrored(), True, rests, rests
         return back
 
     def until(self, length: float) -> "PathLaws":
@@ -168,6 +170,8 @@ class PathLaws:
 
         Holds at: all times, for acceleration, jerk and torque; velocity is below that of the motion.
         """
+        if self._starts_at_rest and place.s == 0.0:
+            return self.steady(0.0, target, begin)
         for reserve in RESERVES:
             law = self._core.change(*place, begin, target, reserve)
             if law is not None:
@@ -181,6 +185,8 @@ class PathLaws:
 
         Holds at: as `change`.
         """
+        if self._starts_at_rest and law.at(now)[0] == 0.0:
+            return self.steady(0.0, target, now)
         for reserve in RESERVES:
             found = self._core.change_along(law, now, target, reserve)
             if found is not None:

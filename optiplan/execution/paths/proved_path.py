@@ -10,12 +10,14 @@ from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.errors import described, wrong_argument
 from optiplan.execution.clearance_left import ClearanceLeft
 from optiplan.execution.paths.path_laws import Load, PathLaws
+from optiplan.geometry.scene import Scene
 from optiplan.problem.constraints.balance import TipOver
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.motions import ToolAcceleration
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.rides import WaitUntil
-from optiplan.problem.task.timeline import scene_parts
+from optiplan.problem.task.scene_change import carrying
+from optiplan.problem.task.timeline import final_scene, scene_parts
 from optiplan.runs.run import Run
 from optiplan.trajectory.segments import EVENTS, Segment
 from optiplan.trajectory.trajectory import Trajectory
@@ -105,14 +107,18 @@ class ProvedPath:
             raise wrong_argument(called, "run", found, "a motion at whose end the robot stands still")
         self.parts = scene_parts(problem, self.motion)
         loads = [Load(part.begin, part.end, part.problem.robot) for part in self.parts]
-        end = self.motion.duration  # files may place an event at the end a rounding behind it
+        self._last, end = final_scene(problem, self.motion), self.motion.duration
+        if held_in(self._last) != held_in(self.parts[-1].problem.scene):  # something is taken or released at the end
+            loads.append(Load(end, end, carrying(problem.robot, self._last)))
+        # files may place an event at the end a rounding behind it
         events = (one for one in self.motion.segments if one.kind in EVENTS)
         self.events: tuple[Segment, ...] = tuple(
             replace(one, begin=min(one.begin, end), end=min(one.end, end)) for one in events
         )
         assert run.report is not None
         tolerance = run.report.policy.limit_tolerance
-        self.forwards = PathStretch(PathLaws(self.motion, problem.limits, loads, tolerance), 0.0, 1.0)
+        laws = PathLaws(self.motion, problem.limits, loads, tolerance, self.starts_at_rest)
+        self.forwards = PathStretch(laws, 0.0, 1.0)
         self._stops = sorted({0.0, *(t for event in self.events for t in (event.begin, event.end))})
         back = self.forwards.laws.mirrored()
         self._ways_back = {stop: self._way_back(back, stop) for stop in self._stops}
@@ -137,8 +143,10 @@ class ProvedPath:
         return int(np.searchsorted([part.end for part in self.parts[:-1]], place, side="right"))
 
     def held_at(self, place: float) -> frozenset[tuple[str, str]]:
-        """Return the names of what the robot holds at a place, s, each with its link."""
-        return frozenset((one.name, one.link) for one in self.parts[self.part_at(place)].problem.scene.attached)
+        """Return what the robot holds at a place, s, after the events there; see `held_in`."""
+        if place >= self.motion.duration:
+            return held_in(self._last)
+        return held_in(self.parts[self.part_at(place)].problem.scene)
 
     def backwards(self, place: float, done: float) -> PathStretch | None:
         """Return the way back from a place to the last event, or to the start; None where there is none.
@@ -178,6 +186,11 @@ class ProvedPath:
         v, a = (np.abs(self.motion(np.array([t]), order)[0]) for order in (1, 2))
         smooth = np.isfinite(self.run.problem.limits.jerk)
         return bool((v <= AT_REST).all() and (a[smooth] <= AT_REST).all())
+
+
+def held_in(scene: Scene) -> frozenset[tuple[str, str]]:
+    """Return the names of what a robot holds in a scene, each with its link."""
+    return frozenset((one.name, one.link) for one in scene.attached)
 
 
 def _constraints(problem: Problem) -> list[object]:

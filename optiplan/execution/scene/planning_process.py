@@ -1,6 +1,5 @@
 """Other motions to the goal of a run, planned in a process of their own while the run is executed."""
 
-import contextlib
 import logging
 import time
 from collections import deque
@@ -13,10 +12,19 @@ from optiplan.cores import OneThreadContext
 from optiplan.errors import OptiPlanError, wrong_argument
 from optiplan.execution.paths.next_path import NextPath
 from optiplan.execution.paths.proved_path import ProvedPath
-from optiplan.execution.scene.planning_worker import MARGIN, PLANNER, FirstMotion, ReplanReply, ReplanRequest, serve
+from optiplan.execution.scene.planning_worker import (
+    MARGIN,
+    PLANNER,
+    ROOM,
+    FirstMotion,
+    ReplanReply,
+    ReplanRequest,
+    serve,
+)
 from optiplan.execution.scene.policy import Policy
 from optiplan.execution.scene.scene_watch import SceneWatch
 from optiplan.execution.scene.seen_scene import SeenScene
+from optiplan.geometry.safety import SafePairs
 from optiplan.runs.run import Run
 from optiplan.trajectory.state import State
 
@@ -70,7 +78,7 @@ class PlanningProcess:
     def __init__(self) -> None:
         self._done: deque[PlannedPath] = deque()
         self._asked: tuple[PlannedPath, ReplanRequest] | None = None
-        self._ready, self.lost, self.number, self._last = Event(), False, 0, 0
+        self._ready, self._sending, self.lost, self.number, self._last = Event(), Lock(), False, 0, 0
         context = OneThreadContext()
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=serve, args=(theirs,), daemon=True)
@@ -79,53 +87,82 @@ class PlanningProcess:
         Thread(target=self._listen, daemon=True).start()
 
     @classmethod
-    def of(cls, run: Run, watch: SceneWatch, policy: Policy) -> "PlanningProcess":
+    def of(
+        cls, run: Run, watch: SceneWatch, policy: Policy, prepare: Callable[[ProvedPath], None]
+    ) -> "PlanningProcess":
         """Return a process that knows a run and has planned on its way.
 
         Args:
             run: that is executed, of a problem without a task or vias.
             watch: of its path.
             policy: with the latency.
+            prepare: makes what else is needed of a path that is to take over.
 
         Raises:
             InputError: the run has a task or vias.
             OptiPlanError: the process ended, or does not answer.
         """
-        problem = run.problem
-        if problem.task or problem.vias or not problem.source:
-            found = "a task" if problem.task else "vias" if problem.vias else "a problem that was put together by hand"
+        found = policy.refused(run.problem)
+        if found:
             raise wrong_argument("Executor", "policy", f"replan, with a run of {found}", "wait, stop or slow")
         with _lock:
             found_idle = [one for one in _idle if not one.lost]
             _idle[:] = found_idle[1:]
         one = found_idle[0] if found_idle else cls()
-        one._begin(run, watch, policy)
+        one._begin(run, watch, policy, prepare)
         return one
 
-    def _begin(self, run: Run, watch: SceneWatch, policy: Policy) -> None:
-        assert run.trajectory is not None
-        self._problem, self._watch, self._policy = run.problem, watch, policy
-        self._duration, self._asked = run.trajectory.duration, None
-        self._done.clear()
-        self._ready.clear()
-        self._last += 1
-        self.number = self._first = self._last
-        with contextlib.suppress(OSError):
-            self._pipe.send(FirstMotion(self._last, run.problem, run.trajectory))
+    def _begin(self, run: Run, watch: SceneWatch, policy: Policy, prepare: Callable[[ProvedPath], None]) -> None:
+        self._policy, self._prepare = policy, prepare
+        self.follow(run, watch, warm=False)
         if not self._ready.wait(WARM_UP) or self.lost:
             self.close()
             raise OptiPlanError("the planning process of Executor ended at once, or does not answer")
 
+    def follow(self, run: Run, watch: SceneWatch, number: int = 0, *, warm: bool = True) -> None:
+        """Plan from now on for a robot that follows a run, to its goal.
+
+        Args:
+            run: one that the process planned, of that `number`, or with 0 another one.
+            watch: of its path.
+            number: of the request that it answered.
+            warm: whether the process has planned before.
+        """
+        if number:
+            self.number = number
+            return
+        assert run.trajectory is not None
+        self._problem, self._watch, self._duration, self._asked = run.problem, watch, run.trajectory.duration, None
+        self._done.clear()
+        self._ready.clear()
+        self._last += 1
+        self.number = self._first = self._last
+        first = FirstMotion(self._last, run.problem, run.trajectory, warm)  # it may be large
+        Thread(target=self._send, args=(first,), daemon=True).start()
+
+    def _send(self, first: FirstMotion) -> None:
+        with self._sending:
+            if first.number != self._first:  # the robot follows another one already
+                return
+            try:
+                self._pipe.send(first)
+            except Exception:  # whatever it is, there is nobody to plan any more
+                self.lost = True
+                self._ready.set()
+
     def seek(self, law: "TimeLaw", now: float, state_in: Callable[[float], State], scene: SeenScene) -> None:
         """Ask for a path from the state in which a law will be after the latency, unless an answer is still to come."""
-        if self._asked is not None:
+        if self._asked is not None or not self._ready.is_set():
             return
         latency = self._policy.latency
         then, rests = now + latency, law.target == 0.0 and law.settled <= now + latency
         self._last += 1
         margin = MARGIN + self._watch.margin + scene.spread * self._duration
         seconds = BUDGET_AT_REST if rests else IN_TIME * latency
-        request = ReplanRequest(self._last, self.number, state_in(latency), scene.at(then), margin, seconds)
+        apart = None
+        if self._watch.margin > self._watch.asked:
+            apart = SafePairs(("*",), scene.names, self._watch.margin + ROOM)
+        request = ReplanRequest(self._last, self.number, state_in(latency), scene.at(then), margin, seconds, apart)
         self._asked = PlannedPath(then, law, now, self._last), request
         try:
             self._pipe.send(request)
@@ -136,7 +173,9 @@ class PlanningProcess:
         """Return the path that was asked for, once it is there, if the robot can still take it from the law."""
         if not self._done:
             return None
-        self._asked, found = None, self._done.popleft()
+        found = self._done.popleft()
+        if self._asked is not None and self._asked[0].number == found.number:
+            self._asked = None
         if found.path is None or found.law is not law:
             return None
         rests = law.target == 0.0 and law.settled <= now and found.path.starts_at_rest
@@ -187,6 +226,7 @@ class PlanningProcess:
             return asked
         watch = self._watch.over(path)
         watch.prepare(path.forwards)
+        self._prepare(path)
         return replace(asked, path=path, watch=watch, seconds=time.thread_time() - began)
 
 

@@ -4,6 +4,7 @@ import contextlib
 import gc
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from multiprocessing.connection import Connection
 from threading import Event
@@ -13,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.errors import named_reason
+from optiplan.geometry.safety import SafePairs, Safety
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.geometry.shapes import Sphere
 from optiplan.planners.base import Budget, Planner
@@ -38,7 +40,7 @@ class ReplanRequest(NamedTuple):
     """What is to be planned: from which state, in which scene, to the problem's goal.
 
     `number` is that of the motion, `earlier` that of the one that the robot follows, `margin`, m,
-    the clearance to aim at, and `seconds` the budget.
+    the clearance to aim at, and `seconds` the budget. `apart`: what must keep a distance that the problem does not ask.
     """
 
     number: int
@@ -47,11 +49,15 @@ class ReplanRequest(NamedTuple):
     scene: Scene
     margin: float
     seconds: float
+    apart: SafePairs | None = None
 
     def problem(self, first: Problem) -> Problem:
         """Return the problem of the request: as the first one, but for start and scene."""
         start = {"start": self.start.q, "start_velocity": self.start.v, "start_acceleration": self.start.a}
-        return derived(first, **start, scene=self.scene)
+        safety = self.scene.safety
+        if self.apart is not None:
+            safety = replace(safety or Safety(), pairs=(*(safety or Safety()).pairs, self.apart))
+        return derived(first, **start, scene=replace(self.scene, safety=safety))
 
     def standing(self, first: Problem) -> Problem:
         """Return the same among the obstacles that stand still."""
@@ -72,11 +78,16 @@ class ReplanReply(NamedTuple):
 
 
 class FirstMotion(NamedTuple):
-    """The motion that a robot begins to follow, of which problem."""
+    """The motion that a robot begins to follow, of which problem; whether the process has planned before."""
 
     number: int
     problem: Problem
     motion: Trajectory
+    warm: bool = False
+
+
+ROOM = 0.01
+"""m beyond the clearance of the executor: about what watching in cells, and the policy's spare, take of it."""
 
 
 def serve(pipe: Connection) -> None:
@@ -89,7 +100,8 @@ def serve(pipe: Connection) -> None:
             asked: FirstMotion | ReplanRequest = pipe.recv()
             if isinstance(asked, FirstMotion):
                 first, motions = asked.problem, {asked.number: asked.motion}
-                _warm_up(asked)
+                if not asked.warm:
+                    _warm_up(asked)
                 pipe.send(ReplanReply(asked.number))
                 continue
             assert first is not None

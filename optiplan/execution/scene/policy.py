@@ -8,6 +8,7 @@ from optiplan.arrays import number_argument
 from optiplan.errors import choice_argument, described, wrong_argument
 from optiplan.execution.paths.path_laws import PathLaws, PathPlace
 from optiplan.execution.scene.separation import Separation
+from optiplan.problem.problem import Problem
 
 if TYPE_CHECKING:
     from optiplan._core._core_base import TimeLaw
@@ -77,6 +78,13 @@ class Policy:
         if separation is not None and found.goes_on:
             raise wrong_argument("Executor", "policy", f"'{found.reaction}' beside people", "wait or stop")
         return found
+
+    def refused(self, problem: Problem) -> str:
+        """Return what keeps the policy from another motion to the goal of a problem; nothing where it plans none."""
+        if self.reaction != "replan":
+            return ""
+        hand = "" if problem.source else "a problem that was put together by hand"
+        return "a task" if problem.task else "vias" if problem.vias else hand
 
     @property
     def goes_on(self) -> bool:

@@ -89,6 +89,7 @@ class SceneWatch:
 
     def __init__(self, path: ProvedPath, margin: float, linger: float = 0.0) -> None:
         self._path, self.margin, self._linger = path, margin, linger
+        self._next: SceneWatch | None = None
         safety = path.run.problem.scene.safety
         self.asked = 0.0 if safety is None else max(safety.scene, *(one.at_least for one in safety.pairs), 0.0)
         self._watches: WeakKeyDictionary[PathStretch, list[_PartWatch]] = WeakKeyDictionary()
@@ -154,8 +155,11 @@ class SceneWatch:
         return least
 
     def over(self, path: ProvedPath) -> "SceneWatch":
-        """Return the same of another path."""
-        return SceneWatch(path, self.margin, self._linger)
+        """Return the same of another path: the one that was made of it before, if that was the last."""
+        made = self._next
+        if made is None or made._path is not path:
+            made = self._next = SceneWatch(path, self.margin, self._linger)
+        return made
 
     def prepare(self, stretch: PathStretch) -> None:
         """Make what a stretch needs, which takes milliseconds, before the first question about it."""
@@ -187,7 +191,7 @@ class _PartWatch:
         bodies: list[Obstacle | Attachment] = [*model.scene.obstacles, *model.scene.attached]
         places = {name: k for k, name in enumerate(model.names)}
         self._known = {body.name: (body.shape, places[body.name]) for body in bodies}
-        self._added: list[tuple[str, Shape, int | None]] = []  # the body of each; None: the core does not know it
+        self._added = _added.setdefault(model, [])
         self._core: PathWatch | None = None
         if model.world is not None:
             self._core = core.PathWatch.of(model.world, motion.breakpoints, motion.coefficients, CELL, begin, error)
@@ -248,6 +252,10 @@ class _PartWatch:
         if body < len(self._model.names):
             return self._model.names[body]
         return next(name for name, _, added in self._added if added == body)
+
+
+_added: WeakKeyDictionary[NativeCollisionModel, list[tuple[str, Shape, int | None]]] = WeakKeyDictionary()
+"""Obstacles added to the world of a model, by whichever watch, with their bodies; None: the core does not know it."""
 
 
 def _without_floors(model: NativeCollisionModel) -> NativeCollisionModel:

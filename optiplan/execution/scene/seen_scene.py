@@ -32,7 +32,7 @@ class SeenScene:
     """
 
     def __init__(self, watch: SceneWatch, people: SeparationMonitor | None = None) -> None:
-        self._watch, self.people = watch, people
+        self.watch, self.people = watch, people
         self._obstacles: dict[str, SeenObstacle] = {}
         self._gone: set[str] = set()
 
@@ -62,7 +62,7 @@ class SeenScene:
         return "" if lost is None else f"update_scene: found a velocity of {described(lost)} {without}"
 
     def _see(self, name: str, place: Pose | Obstacle | None, velocity: Array, spread: float, time: float) -> str:
-        known = {one.name: one.shape for one in self._watch.scene.obstacles}
+        known = {one.name: one.shape for one in self.watch.scene.obstacles}
         known |= {one.name: one.shape for one in self._obstacles.values()}
         known |= {} if self.people is None else self.people.shapes
         if not isinstance(place, Pose | Obstacle | None):
@@ -100,30 +100,35 @@ class SeenScene:
         By obstacles that were seen; by those that are `known` from the run, too, where the way is not its path.
         """
         seen = list(self._obstacles.values())
-        if self._watch.margin <= self._watch.asked > 0.0:  # cells are too coarse to tell what is just kept, as proved
-            seen = [one for one in seen if not self._watch.proved(one)]
+        if self.watch.margin <= self.watch.asked > 0.0:  # cells are too coarse to tell what is just kept, as proved
+            seen = [one for one in seen if not self.watch.proved(one)]
         elif known:
             skipped = {*self._obstacles, *self._gone}
-            seen += [one for one in self._watch.standing(stretch.start, now) if one.name not in skipped]
-        return self._watch.blocked(stretch, law, now, seen, spare)
+            seen += [one for one in self.watch.standing(stretch.start, now) if one.name not in skipped]
+        return self.watch.blocked(stretch, law, now, seen, spare)
 
-    def watch_over(self, path: ProvedPath) -> SceneWatch:
-        """Return the watch of another path, prepared if anything was seen."""
-        watch = self._watch.over(path)
-        if self._obstacles:
+    def watch_over(self, path: ProvedPath, *, at_once: bool = False) -> SceneWatch:
+        """Return the watch of another path, prepared if anything was seen, or `at_once`."""
+        watch = self.watch.over(path)
+        if at_once or self._obstacles:
             watch.prepare(path.forwards)
         return watch
 
     def prepare(self, stretch: PathStretch, *, at_once: bool = False) -> None:
         """Make what a stretch needs, if anything was seen, or `at_once`."""
         if at_once or self._obstacles:
-            self._watch.prepare(stretch)
+            self.watch.prepare(stretch)
 
     def at(self, then: float) -> Scene:
         """Return the scene as it will be at a time, s, from which obstacles with a velocity move on."""
-        scene = self._watch.scene
+        scene = self.watch.scene
         scene = scene.without(*(self._gone & {one.name for one in scene.obstacles}))
         return scene.with_(*(_later(one, then) for one in self._obstacles.values()))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the obstacles that were seen."""
+        return tuple(self._obstacles)
 
     @property
     def spread(self) -> float:
@@ -133,14 +138,16 @@ class SeenScene:
     def over(self, coming: NextPath) -> "SeenScene":
         """Return the same about the path that takes over.
 
-        Obstacles that it was proved against where they were seen are forgotten, unless they move.
+        Obstacles that it was proved against where they were seen are forgotten, unless they move, or more distance is
+        to be kept from them than was proved.
         """
         path = coming.path
-        watch = self._watch.over(path) if coming.watch is None else coming.watch
+        watch = self.watch.over(path) if coming.watch is None else coming.watch
         other = SeenScene(watch, None if self.people is None else self.people.over(path, watch))
         stands = {one.name: one for one in path.run.problem.scene.obstacles}
+        keeps = watch.margin > watch.asked
         for name, one in self._obstacles.items():
-            if name not in stands or one.spread > 0.0 or one.velocity.any() or not is_at(stands[name], one):
+            if keeps or name not in stands or one.spread > 0.0 or one.velocity.any() or not is_at(stands[name], one):
                 other._obstacles[name] = one
         return other
 

@@ -208,10 +208,7 @@ class SeparationMonitor:
         if until <= now:
             return None
         if goal is law or goal.target != speed:
-            if law.at(now)[0] == 0.0 and stretch.direction > 0.0:  # the path is at rest there: any speed will do
-                found: TimeLaw | None = stretch.laws.steady(0.0, speed, now)
-            else:
-                found = stretch.laws.change_along(law, now, speed)
+            found = stretch.laws.change_along(law, now, speed)
             if found is None:
                 return None
             goal = found

@@ -165,7 +165,7 @@ def test_at_the_end_of_a_way_back_the_object_is_still_carried(run_of):
 
 
 def test_events_before_another_run_takes_over_are_handed_out(run_of, monkeypatch):
-    monkeypatch.setattr("optiplan.execution.arguments.same_state", lambda *_: True)  # it begins elsewhere
+    monkeypatch.setattr("optiplan.execution.law_follower.same_state", lambda *_: True)  # it begins elsewhere
     run = run_of("40_panda_sorts_cubes")
     executor = op.Executor(run)
     attach = next(event for event in run.trajectory.segments if event.kind == "attach")
@@ -311,6 +311,30 @@ def test_a_run_that_takes_over_knows_what_was_seen_elsewhere(beside):
     assert executor.run is beside[1]
     assert "'ball'" in executor.status.reason
     assert not any(model.collides(tick.q) for tick in ticks)
+
+
+def test_a_run_that_takes_over_keeps_the_clearance_from_what_it_was_planned_beside(beside):
+    run, second = beside
+    X = run.problem.robot.fk(second.trajectory.end).matrix
+    place = tuple(X[:3, 3] + 0.08 * X[:3, 2])
+    scene, far = op.Scene([op.Sphere("ball", radius=0.05, position=place)]), 0.05
+    third = op.plan(derived(second.problem, scene=scene), budget=2.0)
+    assert third.verified
+    executor = op.Executor(run, clearance=far)
+    after(executor, 200)
+    executor.update_scene({"ball": op.Pose(place)})
+    executor.state_in(0.05)
+    assert executor.splice(third)
+    ticks = settled(executor)
+    model = CollisionModel(run.problem.robot, scene)
+
+    def near(q):
+        return any("ball" in (one.pair.name_a, one.pair.name_b) for one in model.contacts(q, far))
+
+    assert executor.run is third
+    assert executor.status.phase == "waiting"
+    assert near(third.trajectory.end)
+    assert not any(near(tick.q) for tick in ticks)
 
 
 def test_a_run_is_refused_whose_first_stop_is_blocked_by_what_was_seen(beside):

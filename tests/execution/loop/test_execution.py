@@ -12,6 +12,8 @@ import optiplan as op
 from optiplan.errors import InputError
 from optiplan.execution.drivers.base import Capabilities, DriverError
 from optiplan.execution.measurement import Measurement
+from optiplan.execution.paths import proved_path
+from optiplan.execution.scene import scene_watch
 from tests.execution.in_process import FollowingRobot, SetClock, executed, steps_within_limits
 
 FAILS_AT = 250
@@ -100,6 +102,34 @@ def test_another_motion_takes_over(run, slow):
     with pytest.raises(DriverError, match="is over"):
         slow.state_in(0.1)
     assert not slow.splice(home)
+
+
+def test_the_thread_of_set_points_prepares_nothing_of_another_motion(run, monkeypatch):
+    names = []
+
+    def noted(call):
+        def noting(*given, **options):
+            names.append((call.__name__, threading.current_thread().name))
+            return call(*given, **options)
+
+        return noting
+
+    monkeypatch.setattr(proved_path, "ClearanceLeft", noted(proved_path.ClearanceLeft))
+    monkeypatch.setattr(scene_watch, "_PartWatch", noted(scene_watch._PartWatch))
+    robot = FollowingRobot(run, rate=100.0, clock=SetClock(pause=0.005))
+    executor = op.Executor(run, tracking=op.TrackingPolicy(least_clearance=0.0))
+    execution = op.Execution(executor, robot, clock=robot.clock)
+    execution.update_scene({"ball": op.Sphere("ball", 0.05, position=(2.0, 0.0, 0.5))})
+    execution.start()
+    until(lambda: execution.snapshot()["place"] > 0.1)
+    execution.pause()
+    until(lambda: execution.snapshot()["phase"] == "paused")
+    names.clear()
+    assert execution.splice(op.plan(run.problem.with_start(execution.state_in(0.0)), budget=1.0))
+    assert {name for name, _ in names} == {"ClearanceLeft", "_PartWatch"}
+    execution.resume()
+    assert execution.wait(20.0)["phase"] == "done"
+    assert {thread for _, thread in names} == {threading.current_thread().name}
 
 
 def test_a_run_that_cannot_take_over_ends_in_a_stop(slow):
@@ -244,6 +274,28 @@ def test_a_robot_that_stands_elsewhere_is_not_started(run):
     assert execution.over
     assert robot.ticks == []
     assert robot.stopped == ["not started"]
+
+
+@pytest.mark.parametrize("turns", [1.0, -2.0])
+@pytest.mark.parametrize("lead", [0.0, 0.06])
+def test_an_endless_joint_goes_on_in_the_turn_in_which_it_stands(endless_run, turns, lead):
+    robot, turned = FollowingRobot(endless_run, lead=lead), 2.0 * np.pi * turns
+    robot.q = robot.q + turned
+    found = executed(endless_run, robot).snapshot()
+    assert (found["phase"], found["reason"]) == ("done", "")
+    q = np.array([tick.q for tick in robot.ticks])
+    np.testing.assert_allclose(q[[0, -1], 0], [0.1 + turned, 1.5 + turned], atol=1e-6)
+    assert np.abs(np.diff(q, axis=0)).max() < 2.0 * 1e-3 * 1.01
+    for tick in robot.ticks:
+        assert tick.ahead is None or abs(tick.ahead.q - tick.q).max() < 1.5
+    assert found["q"] == pytest.approx([1.5])
+
+
+def test_a_joint_with_limits_is_not_taken_for_one_in_another_turn(run):
+    robot = FollowingRobot(run)
+    robot.q = robot.q + 2.0 * np.pi * np.eye(7)[6]
+    with pytest.raises(DriverError, match="does not stand where the motion begins: panda_joint7"):
+        op.Execution(op.Executor(run), robot).start()
 
 
 @pytest.mark.parametrize("age", [None, 1.0])

@@ -116,6 +116,26 @@ def test_the_way_back_can_be_stopped_and_gone_on_with(run_of):
     assert_within_limits(run, ticks)
 
 
+def test_stops_off_the_path_add_what_was_seen_to_their_scene_once(run_of):
+    run = run_of("01_reach")
+    executor = op.Executor(run)
+    balls = {name: op.Sphere(name, 0.05, position=(2.0, y, 0.5)) for name, y in (("a", 0.0), ("b", 0.2))}
+    executor.update_scene(balls)
+    pairs = []
+    for _ in range(4):
+        for _ in range(100):
+            executor.tick(DT)
+        executor.stop("test", "joints")
+        assert executor.status.off_path
+        while executor.status.phase != "stopped":
+            executor.tick(DT)
+        pairs.append(executor._detour.stop.model.world.lower_bounds(executor.tick(0.0).q[None]).shape[1])
+        executor.resume()
+        while executor.status.off_path:
+            executor.tick(DT)
+    assert len(set(pairs)) == 1
+
+
 def test_a_new_motion_takes_over_off_the_path(run_of):
     run = run_of("01_reach")
     executor, _ = stopped(run, 0.4)

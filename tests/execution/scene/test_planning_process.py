@@ -1,11 +1,15 @@
 """The policy `replan`: another motion takes over in time, or the robot takes its proved stop."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import optiplan as op
 from optiplan.execution.scene import planning_process
+from optiplan.problem.problem import derived
 from tests.execution.flying import DT, executed, flying
+from tests.waiting import wait_until
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -47,6 +51,15 @@ def test_a_plan_that_is_late_leads_to_the_stop_and_to_a_motion_from_rest(run):
     assert executor.run is not run
 
 
+def test_another_motion_keeps_the_clearance_of_the_executor(run):
+    standing = flying(run, place=0.5)[0](0.5 * run.duration)
+    policy = op.Policy("replan", latency=0.06)
+    executor, _, least = executed(run, policy, lambda t: standing, np.zeros(3), clearance_of=0.04)
+    assert executor.status.phase == "done"
+    assert executor.run is not run
+    assert least > 0.04
+
+
 def test_a_process_that_ends_stops_the_robot(run):
     executor = op.Executor(run, policy="replan")
     for _ in range(100):
@@ -56,6 +69,38 @@ def test_a_process_that_ends_stops_the_robot(run):
         tick = executor.tick(DT)
     assert tick.status.phase == "stopping"
     assert "process" in tick.status.reason
+
+
+def test_after_a_splice_it_plans_to_the_goal_of_that_run(run):
+    executor = op.Executor(run, policy=op.Policy("replan", latency=0.06))
+    planning = executor._planning
+    for _ in range(200):
+        executor.tick(DT)
+    goal = op.JointGoal(run.trajectory.end + np.array([0.5, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0]))
+    second = op.plan(run.problem.with_goal(goal).with_start(executor.state_in(0.05)), budget=1.0)
+    assert executor.splice(second)
+    while executor.run is not second:
+        executor.tick(DT)
+    position = tuple(run.problem.robot.fk(second.trajectory(0.7 * second.duration)).matrix[:3, 3])
+    assert planning._ready.wait(20.0)
+    for k in range(6000):
+        if k % 20 == 0:
+            executor.update_scene({"ball": op.Sphere("ball", 0.06, position=position)})
+            wait_until(lambda: planning._asked is None or planning._done)
+        tick = executor.tick(DT)
+        if tick.status.phase == "done":
+            break
+    executor.close()
+    assert executor.run is not second
+    np.testing.assert_allclose(tick.q, second.trajectory.end, atol=1e-6)
+
+
+def test_a_run_past_vias_does_not_take_over_where_it_could_not_be_planned_anew(run, run_of):
+    executor = op.Executor(run, policy="replan")
+    vias = derived(run.problem, vias=run_of("22_via_spline").problem.vias)
+    assert not executor.splice(replace(run, problem=vias))
+    executor.close()
+    assert executor.status.reason == "the motion that was to take over is a run of vias, which is not replanned"
 
 
 def test_a_run_past_vias_is_not_planned_anew(run_of):

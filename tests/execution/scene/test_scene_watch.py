@@ -111,6 +111,23 @@ def test_the_robot_waits_until_the_path_is_clear(run):
     np.testing.assert_allclose(tick.q, run.trajectory.end, atol=1e-12)
 
 
+def test_a_robot_that_waits_goes_on_with_a_run_that_goes_round(run):
+    executor = op.Executor(run)
+    ball = op.Sphere(
+        "new", 0.06, position=tuple(run.problem.robot.fk(run.trajectory(0.7 * run.duration)).matrix[:3, 3])
+    )
+    for _ in range(100):
+        executor.tick(DT)
+    executor.update_scene({"new": ball})
+    while executor.status.phase != "waiting":
+        executor.tick(DT)
+    around = run.problem.with_start(executor.state_in(0.0)).with_scene([*run.problem.scene.obstacles, ball])
+    assert executor.splice(op.plan(around, budget=3.0))
+    for _ in range(3000):
+        tick = executor.tick(DT)
+    assert (tick.status.phase, tick.status.reason, tick.status.blocked_by) == ("done", "", None)
+
+
 def test_far_obstacles_change_nothing(run):
     executor = op.Executor(run)
     executor.update_scene({f"ball{k}": op.Pose((1.9, 0.4 * k, 0.6)) for k in range(3)}, {"ball1": (0.0, 0.1, 0.0)}, 0.1)

@@ -74,7 +74,7 @@ def test_bodies_of_obstacles_that_are_gone_are_taken_again(ahead):
     for k in range(30):
         executor.update_scene({f"ball{k}": op.Sphere(f"ball{k}", 0.05, position=(2.0, 0.0, 0.5))})
         executor.update_scene({f"ball{k}": None})
-    (part,) = next(iter(executor._scene._watch._watches.values()))
+    (part,) = next(iter(executor._scene.watch._watches.values()))
     assert len(part._added) == 1
 
 

@@ -218,7 +218,9 @@ double PathTables::overloaded() const {
     for (int cell = 0; cell < coarse_.count; ++cell) {
         const double begin = cell * coarse_.width, end = std::min((cell + 1) * coarse_.width, length());
         const auto change = std::lower_bound(load_ends_.begin(), load_ends_.end(), begin);
-        bool clear = !curvature_.empty() && (change == load_ends_.end() || *change > end || *change >= length());
+        // what is taken or released at the end is a load of its own there
+        const bool same = change == load_ends_.end() || *change > end || change + 1 == load_ends_.end();
+        bool clear = !curvature_.empty() && same;
         const double *g = terms_.data() + cell * 3 * n + 2 * n, *next = g + 3 * n;
         for (std::size_t j = 0; j < n && clear; ++j) {
             const double sagitta = 0.125 * coarse_.width * coarse_.width * curvature(cell, j, {1.0, 0.0, 0.0});

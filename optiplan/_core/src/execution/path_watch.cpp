@@ -43,16 +43,13 @@ void PathWatch::watch(int pair) {
     of_body_[first ? both.b : both.a].push_back({pair, static_cast<int>(mover - moving_.begin())});
 }
 
-// Another watch of the same world may have added bodies since.
-int PathWatch::add(Body body) {
-    const int added = world_.add(std::move(body));
+void PathWatch::take_up() {
     of_body_.resize(world_.bodies().size());
     for (std::size_t k = at_.bodies.size(); k < of_body_.size(); ++k) {
         const Body &one = world_.bodies()[k];
         at_.bodies.push_back(one.X_JB), at_.centres.push_back(one.X_JB * one.centre), at_.placed.push_back(1);
     }
     for (; watched_ < static_cast<int>(world_.pairs().size()); ++watched_) watch(watched_);
-    return added;
 }
 
 // When a law comes to s, from a time on at which it is not there yet; infinite where it stands still before.
@@ -114,6 +111,7 @@ int PathWatch::struck(double here, double from, const Seen &seen, double margin,
 
 Blocked PathWatch::search(const TimeLaw &law, double now, const std::vector<Seen> &obstacles, double margin,
                           double most, bool first) {
+    take_up();
     const double here = law.at(now).s, rest = std::max(law.settled(), now);
     double enters = now;
     bool begins = true;

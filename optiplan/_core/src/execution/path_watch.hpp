@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "execution/time_law.hpp"
@@ -35,10 +36,10 @@ class PathWatch {
     PathWatch(World &world, const Curve &path, double width, double begin, const std::vector<double> &error = {});
 
     const Pair &pair(int index) const { return world_.pairs()[index]; }
-    std::int64_t bodies() const { return static_cast<std::int64_t>(of_body_.size()); }
+    std::int64_t bodies() const { return static_cast<std::int64_t>(world_.bodies().size()); }
 
     // Adds an obstacle that the path was not proved against, and returns its index.
-    int add(Body body);
+    int add(Body body) { return world_.add(std::move(body)); }
 
     // What blocks the path from the law's place at `now` on to where it ends; the path begins at s = `begin` of the
     // law. Where the robot stands still, obstacles go on as they are seen to for `linger` s; what they stray does not
@@ -65,6 +66,7 @@ class PathWatch {
     // The first place, or that of the least, at which no more than `most` is left.
     Blocked search(const TimeLaw &law, double now, const std::vector<Seen> &obstacles, double margin, double most,
                    bool first);
+    void take_up();  // what other watches added to the world
     void watch(int pair);
     void put(const Seen &seen, double t);
     int struck(double here, double from, const Seen &seen, double margin, double linger);

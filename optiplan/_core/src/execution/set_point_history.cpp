@@ -6,19 +6,21 @@
 namespace optiplan {
 
 static constexpr double ALIKE = 0.02;  // of weighted distances between two passages of a way
+static constexpr double ROUNDED = 1e-6;  // share of the spacing
 static constexpr int NARROWINGS = 20;  // of the line on which the nearest place is: to 3e-4 of its length
 
 SetPointHistory::SetPointHistory(int joints, double kept, double spacing)
-    : joints_(joints), count_(static_cast<int>(std::ceil(kept / spacing)) + 3), spacing_(spacing),
+    : joints_(joints), count_(2 * static_cast<int>(std::ceil(kept / spacing)) + 3), kept_(kept), spacing_(spacing),
       q_(static_cast<std::size_t>(count_) * joints), rows_(count_) {}
 
 void SetPointHistory::note(double time, const double *q, double place, int epoch) {
     if (filled_ && rows_[last_].epoch == epoch) progress_ += std::fabs(place - rows_[last_].place);
-    const bool near = filled_ > 1 && rows_[last_].time - rows_[slot(1)].time < spacing_;
+    const bool near = filled_ > 1 && time - rows_[slot(1)].time <= spacing_ * (1.0 + ROUNDED);
     const bool replaces = near && rows_[last_].epoch == epoch;
     if (filled_ && !replaces) last_ = (last_ + 1) % count_;
     if (!replaces) filled_ = std::min(filled_ + 1, count_);
     rows_[last_] = {time, place, progress_, epoch};
+    while (filled_ > 2 && time - rows_[slot(filled_ - 1)].time > kept_ + spacing_) --filled_;
     std::copy(q, q + joints_, q_.begin() + static_cast<std::ptrdiff_t>(last_) * joints_);
 }
 

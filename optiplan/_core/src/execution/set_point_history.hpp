@@ -15,8 +15,8 @@ struct NearestPlace {
 // Set-points of n joints in a ring; between two of them the way is a straight line.
 class SetPointHistory {
   public:
-    // The last set-point is replaced until it is `spacing`, s, after the one before it; those older than `kept`, s, are
-    // forgotten.
+    // The last set-point is replaced by one that is at most `spacing`, s, after the one before it; those older than
+    // `kept`, s, are forgotten.
     SetPointHistory(int joints, double kept, double spacing);
 
     int joints() const { return joints_; }
@@ -42,7 +42,7 @@ class SetPointHistory {
     double away(const double *q, const double *weights, int age, double share) const;  // on the line to the next one
 
     int joints_, count_, filled_ = 0, last_ = 0;
-    double spacing_, progress_ = 0.0;
+    double kept_, spacing_, progress_ = 0.0;
     std::vector<double> q_;
     std::vector<Row> rows_;
 };
