@@ -36,8 +36,10 @@ _AWAY = 0.1
 _TIGHT = 1e-6
 """m that fingers open wider than the side that they close on: no other side is taken then."""
 
-_STEP = ("name", "arm", "wait_for", "allowed_collisions", "option")
+STEP = ("name", "arm", "wait_for", "allowed_collisions")
 """Keys of a step beside what it does, that its parts have too."""
+
+_STEP = (*STEP, "option")
 
 Place = tuple[str | int, ...]
 

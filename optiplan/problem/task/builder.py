@@ -14,7 +14,7 @@ from optiplan.errors import described, wrong_argument
 from optiplan.geometry.pose import Pose, Values, checked
 from optiplan.problem.grasps.statement import Grasps
 from optiplan.problem.schema.joint_names import lists_of
-from optiplan.problem.schema.picks import KINDS
+from optiplan.problem.schema.picks import KINDS, STEP
 from optiplan.problem.schema.task import TaskStepSpec
 from optiplan.problem.statement import End, Region, ViaPoint, end_data, is_configuration, via_point_data
 from optiplan.problem.to_data import path_constraint_data
@@ -27,8 +27,8 @@ Targets = str | PathLike[str] | Array | Sequence[Pose | Mapping[str, Any] | Sequ
 class Task:
     """Steps of a task, in order; every method returns a task with one step more.
 
-    Every step takes `name`, `allowed_collisions` (pairs of names that may touch during it) and `path_constraints`
-    (what holds during it).
+    Every step takes `name`, `arm` and `wait_for` (where several arms move), `allowed_collisions` (pairs of names that
+    may touch during it) and, unless it is a pick or a place, `path_constraints` (what holds during it).
 
     Attributes:
         steps: each as a problem file says it.
@@ -124,7 +124,7 @@ class Task:
             grasps: poses of the tool in the frame of the object; None: all across the least width of a box or cylinder.
             pick: further keys of a `pick` of a problem file, `from_` for its `from`, and those of the step.
         """
-        step = {key: pick.pop(key) for key in _STEP_KEYS if key in pick}
+        step = {key: pick.pop(key) for key in STEP if key in pick}
         if grasps is not None and (
             isinstance(grasps, str) or not all(isinstance(one, Pose) for one in _listed(grasps))
         ):
@@ -141,7 +141,7 @@ class Task:
             to: where the tool is then.
             place: further keys of a `place` of a problem file, `open_` for its `open`, and those of the step.
         """
-        step = {key: place.pop(key) for key in _STEP_KEYS if key in place}
+        step = {key: place.pop(key) for key in STEP if key in place}
         said = _ends(to, "Task.place", "to")
         if "any_of" in said:
             said["any_of"] = [one["pose"] if "pose" in one else one for one in said["any_of"]]
@@ -362,7 +362,7 @@ def _listed(values: Any) -> Sequence[Any]:
     return values if isinstance(values, Sequence) else [None]
 
 
-_STEP_KEYS = ("name", "allowed_collisions", "path_constraints")
+_STEP_KEYS = (*STEP, "path_constraints")
 
 
 def _given(**values: Any) -> dict[str, Any]:
