@@ -36,10 +36,8 @@ _AWAY = 0.1
 _TIGHT = 1e-6
 """m that fingers open wider than the side that they close on: no other side is taken then."""
 
-STEP = ("name", "arm", "wait_for", "allowed_collisions")
+STEP = ("name", "arm", "wait_for", "allowed_collisions", "option")
 """Keys of a step beside what it does, that its parts have too."""
-
-_STEP = (*STEP, "option")
 
 Place = tuple[str | int, ...]
 
@@ -127,8 +125,8 @@ class _PickReader:
             yield step
             return
         kind = kinds[0]
-        if unknown := [key for key in step if key not in (kind, *_STEP)]:
-            self._report((*place, unknown[0]), f"a key that does not go with `{kind}`", choices(unknown[0], _STEP))
+        if unknown := [key for key in step if key not in (kind, *STEP)]:
+            self._report((*place, unknown[0]), f"a key that does not go with `{kind}`", choices(unknown[0], STEP))
             return
         try:
             spec = validate(KINDS[kind], Document(self._document.path, _unframed(step[kind]), {}))
@@ -139,7 +137,7 @@ class _PickReader:
         robot = self._load()
         if robot is None:
             return
-        rest = {key: value for key, value in step.items() if key in _STEP}
+        rest = {key: value for key, value in step.items() if key in STEP}
         parts = self._pick if isinstance(spec, PickSpec) else self._place
         for i, one in enumerate(parts((*place, kind), spec, robot, step[kind])):  # type: ignore[arg-type]
             own = rest if i == 0 else {key: value for key, value in rest.items() if key not in ("name", "wait_for")}

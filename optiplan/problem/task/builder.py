@@ -27,8 +27,8 @@ Targets = str | PathLike[str] | Array | Sequence[Pose | Mapping[str, Any] | Sequ
 class Task:
     """Steps of a task, in order; every method returns a task with one step more.
 
-    Every step takes `name`, `arm` and `wait_for` (where several arms move), `allowed_collisions` (pairs of names that
-    may touch during it) and, unless it is a pick or a place, `path_constraints` (what holds during it).
+    Every step takes `name`, `allowed_collisions` (pairs of names that may touch during it), `path_constraints` (what
+    holds during it), and where several arms do a task `arm` and `wait_for` (names of steps of other arms).
 
     Attributes:
         steps: each as a problem file says it.

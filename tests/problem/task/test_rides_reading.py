@@ -170,14 +170,14 @@ REFUSED = {
     "standing object": ("object: cube, from", "object: stone, from", 13, "stone"),
     "too wide": ("box: [0.04, 0.04, 0.06]", "box: [0.1, 0.1, 0.1]", 13, "the fingers open to 0.08 m"),
     "unknown key of a pick": ("from: belt, mass", "form: belt, mass", 13, "form"),
-    "no fingers": ("object: cube, from", "object: cube, hand: arm, from", 13, "group of fingers"),
-    "a line in the world": ("by: [0.05, 0, 0], in: belt", "pose: {position: [0.5, 0, 0.3]}", 14, "a pose in the world"),
     "a region without end": (
         "move: {configuration: ready}",
         "move: {region: {in: belt, position: [0, 0, 0.2], rpy_deg: [180, 0, 0], along: {y: free}}}",
         16,
         ": a region with no bound along y",
     ),
+    "no fingers": ("object: cube, from", "object: cube, hand: arm, from", 13, "group of fingers"),
+    "a line in the world": ("by: [0.05, 0, 0], in: belt", "pose: {position: [0.5, 0, 0.3]}", 14, "a pose in the world"),
     "motion in motion": ("{position: [0.4, 0.4, 0.1], motion", "{in: belt, motion", 6, "a motion in 'belt'"),
     "a base that moves": ("start:", "base: {in: belt}\nstart:", 3, "which moves"),
 }
