@@ -9,7 +9,7 @@ import numpy as np
 from optiplan.arrays import Array, Flags
 from optiplan.collision.model import CollisionModel
 from optiplan.kinematics.ik.joint_wraps import endless_turns, whole_turns
-from optiplan.problem.goals_and_vias import AllOfGoal
+from optiplan.problem.goals_and_vias import AllOfGoal, ExactGoal
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.robot.robot import Robot
@@ -62,8 +62,13 @@ class GoalSet:
 
 def listed_ends(problem: Problem) -> list[Array]:
     """Return the configurations (n,) that the goal lists, joints without limits at the turns nearest to the start."""
-    listed = [goal.q for goal in problem.goal if isinstance(goal, JointGoal)]
-    return [turned for q in listed for turned in endless_turns(problem.robot, q, problem.start, _MOST_TURNS)]
+    listed = [goal for goal in problem.goal if isinstance(goal, JointGoal)]
+    return [q for goal in listed for q in turned(problem.robot, goal, problem.start)]
+
+
+def turned(robot: Robot, goal: JointGoal, near: Array) -> list[Array]:
+    """Return the configurations that are at a goal but for whole turns of endless joints, the nearest (n,) first."""
+    return [goal.q] if isinstance(goal, ExactGoal) else endless_turns(robot, goal.q, near, _MOST_TURNS)
 
 
 def goal_configurations(
@@ -96,7 +101,7 @@ def _candidates(
     problem: Problem, goal: GoalEnd, rng: np.random.Generator, options: GoalOptions
 ) -> list[Array] | GoalSet:
     if isinstance(goal, JointGoal):
-        return endless_turns(problem.robot, goal.q, problem.start, _MOST_TURNS)
+        return turned(problem.robot, goal, problem.start)
     from optiplan.kinematics.ik.numeric import random_seeds
 
     robot = problem.robot

@@ -36,6 +36,11 @@ class JointGoal:
 
 
 @dataclass(frozen=True, eq=False)
+class ExactGoal(JointGoal):
+    """A configuration to end at exactly: joints without limits may not arrive a whole turn away."""
+
+
+@dataclass(frozen=True, eq=False)
 class PoseGoal:
     """End with `frame` at X_WG: translation error <= `position` (m), rotation angle error <= `orientation` (rad)."""
 
@@ -77,3 +82,9 @@ class Via:
     at: JointGoal | PoseGoal
     velocity: Array | None = None
     time: float | None = None
+
+    @property
+    def goal(self) -> tuple[JointGoal | PoseGoal]:
+        """The goal of a motion that ends at the via."""
+        at = self.at
+        return (ExactGoal(at.q, at.tolerance) if isinstance(at, JointGoal) else at,)

@@ -62,6 +62,18 @@ def test_vias_are_hit_without_stopping_and_all_is_verified(name, options):
     assert np.abs(result.trajectory(np.array(check.witness["times"]), 1)).max(axis=1).min() > 0.1
 
 
+@pytest.mark.parametrize("name", ["quintic", "trajopt", "spline", "parabolic", "rounded"])
+@pytest.mark.parametrize("angle", [4.0, 8.0])
+def test_a_via_of_an_endless_joint_is_passed_at_the_stated_turn(name, angle):
+    """The nearest angle to 4 rad, seen from 0, is -2.28 rad, on which no via is."""
+    turning = cases.endless()
+    limits = replace(turning.limits, jerk=np.full(2, np.inf)) if name in OPEN_JERK else turning.limits
+    via = Via(JointGoal(np.array([angle, 0.0])))
+    past = derived(turning, start=np.zeros(2), vias=(via,), goal=(JointGoal(np.array([0.5, 0.0])),), limits=limits)
+    result = run(past, name, {}, Budget(20.0), quiet)
+    assert result.verified, result.failure or result.report.failures
+
+
 @pytest.mark.parametrize("name", ["spline", "parabolic", "rounded"])
 def test_without_vias_they_go_straight_to_the_goal(name):
     """`parabolic` with each joint at its own acceleration: the joints start together, not in proportion."""

@@ -65,7 +65,7 @@ def leg_by_leg(planner: Planner[Any], problem: Problem, budget: Budget, progress
     Raises:
         PlannerAnswerError: a third-party planner returns no valid result.
     """
-    ends = [*((via.at,) for via in problem.vias), problem.goal]
+    ends = [*(via.goal for via in problem.vias), problem.goal]
     legs: list[Trajectory] = []
     infos: list[dict[str, Any]] = []
     seconds: Counter[str] = Counter()

@@ -20,7 +20,8 @@ from optiplan.planners.seams.posture_smoothing import PostureSmoothing, Stations
 from optiplan.planners.seams.rungs import Rungs
 from optiplan.planners.seams.seam_motion import first_within_limits, joined, joint_curves, ramped, run_up, steady
 from optiplan.planners.seams.seam_tool import SeamTool
-from optiplan.problem.problem import JointGoal, Problem, derived
+from optiplan.problem.goals_and_vias import ExactGoal
+from optiplan.problem.problem import Problem, derived
 from optiplan.problem.seams.actions import SeamPath
 from optiplan.robot.limits import ORDERS
 from optiplan.trajectory.trajectory import Trajectory
@@ -288,7 +289,7 @@ class SeamSearch:
         if np.abs(q - self.problem.start).max() <= NO_MOTION:
             return None
         self.progress("planning the way to the path", 0.9)
-        there = derived(self.problem, goal=(JointGoal(q),))
+        there = derived(self.problem, goal=(ExactGoal(q),))
         result = plan_through(self.planner, there, self.budget.share(0.6), self.progress)
         return result.trajectory or result.failure or Failure("no-path", "no way to the path was found")
 

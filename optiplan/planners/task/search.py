@@ -24,7 +24,8 @@ from optiplan.planners.task.chains import Chain, do_chain, is_chained, of_step
 from optiplan.planners.task.planned_steps import PlannedMotion, PlannedStep
 from optiplan.planners.task.stages import Stage, Stages, WorldState
 from optiplan.planners.task.stops import ends_in_motion
-from optiplan.problem.problem import Goal, JointGoal, Problem
+from optiplan.problem.goals_and_vias import ExactGoal
+from optiplan.problem.problem import Goal, Problem
 from optiplan.problem.task.steps import Move, TaskStep
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 
@@ -303,10 +304,10 @@ class TaskSearch:
         leg, count = self.legs[k - 1], len(self.legs) + 1
         stage = self.stages.at(state, leg.step, leg.move.joints)
         q = node.q[stage.columns]
-        goal: Goal = (JointGoal(q),)
+        goal: Goal = (ExactGoal(q),)
         if ends_in_motion(leg.move):
             ends = stage.to(leg.move.goal).end_states(q)
-            goal = tuple(JointGoal(q, velocity=end.v, acceleration=end.a) for end in ends)
+            goal = tuple(ExactGoal(q, velocity=end.v, acceleration=end.a) for end in ends)
         if k == 1 and self.problem.moving_start:
             stage = self.stages.moving(stage)
         stage = stage.ending(q)

@@ -8,7 +8,7 @@ from optiplan.planners.base import Failure, Planner
 from optiplan.problem.constraints.base import WHOLE
 from optiplan.problem.problem import Problem, derived
 from optiplan.problem.seams.actions import SeamPath
-from optiplan.problem.task.steps import Move, TargetTour, TaskStep
+from optiplan.problem.task.steps import Event, Move, TargetTour, TaskStep
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -46,7 +46,7 @@ class ViaMoves:
     def of(cls, problem: Problem, planner: Planner[Any]) -> "ViaMoves":
         """Return a problem with vias, or with a task, of whose moves those past vias are several."""
         if problem.vias:
-            ends = [*((via.at,) for via in problem.vias), problem.goal]
+            ends = [*(via.goal for via in problem.vias), problem.goal]
             names = ["the start", *(f"via {k}" for k in range(1, len(ends))), "the goal"]
             legs = [
                 ViaLeg(
@@ -86,6 +86,11 @@ class ViaMoves:
 
 def unsupported(problem: Problem, planner: Planner[Any]) -> Failure | None:
     """Return why a problem cannot be planned leg by leg: a constraint on a part of what becomes several moves."""
+    lasting = [step for step in problem.task if not isinstance(step.action, Event)]
+    several = len(lasting) > 1 or any(isinstance(step.action, TargetTour | SeamPath) for step in lasting)
+    if several and any(tuple(one.during) != WHOLE for one in problem.path_constraints):
+        words = "constraints on a part of a task are not held where it has several steps; expected them of its steps"
+        return Failure("unsupported", words)
     held = [problem.path_constraints] if problem.vias else []
     for step in problem.task if planner.joins_legs else ():
         if isinstance(step.action, Move) and step.action.vias:
@@ -100,5 +105,5 @@ def _moves(step: TaskStep) -> Sequence[TaskStep]:
     action = step.action
     if not isinstance(action, Move):
         return [step]
-    ends = [*((via.at,) for via in action.vias), action.goal]
+    ends = [*(via.goal for via in action.vias), action.goal]
     return [replace(step, action=Move(action.joints, end)) for end in ends]

@@ -8,6 +8,7 @@ from optiplan.geometry.scene import Scene
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.dynamic_obstacles import delayed
+from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.task.chains import of_step
 from optiplan.planners.task.planned_steps import PlannedMotion, Stretch, TaskPart
 from optiplan.problem.problem import Problem, derived
@@ -53,4 +54,6 @@ def _passing(problem: Problem, part: TaskPart, budget: Budget) -> TaskPart | Fai
     met = first_contact(planning_model(problem.robot, scene, error=problem.tracking_error), still, lambda: budget.over)
     if met is None:
         return part
+    if budget.over:
+        return out_of_time(budget, "checking a pause among what moves")
     return Failure("collision", f"{met.words}, which moves", met.witness(still))

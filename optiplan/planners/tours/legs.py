@@ -12,7 +12,8 @@ from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.common.tolerances import NO_MOTION
 from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.sampling.edge_checker import MotionCheck
-from optiplan.problem.problem import JointGoal, Problem, derived
+from optiplan.problem.goals_and_vias import ExactGoal
+from optiplan.problem.problem import Problem, derived
 from optiplan.trajectory.profiles.laws import SCurve
 from optiplan.trajectory.profiles.synchronisation import RestToRest
 from optiplan.trajectory.trajectory import Trajectory
@@ -70,7 +71,7 @@ class TourLegs:
 
     def _planned_motion(self, a: Array, b: Array, budget: Budget) -> Trajectory | Failure:
         self.planned += 1
-        own = derived(self.problem, start=a, goal=(JointGoal(b),))
+        own = derived(self.problem, start=a, goal=(ExactGoal(b),))
         share = budget.share(min(1.0, _MOST / max(budget.remaining, 1e-9)))
         result = None if budget.over else plan_through(self.planner, own, share, self.progress)
         if result is not None and result.trajectory is not None:

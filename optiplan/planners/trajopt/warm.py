@@ -7,7 +7,6 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import kept_planning_model
-from optiplan.kinematics.ik.joint_wraps import endless_turns
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
 from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Candidate, PlanResult, Progress, announce
@@ -20,6 +19,7 @@ from optiplan.planners.trajopt.nonzero_end_optimiser import EndStates, NonzeroEn
 from optiplan.planners.trajopt.optimise_in_time import TimedOptimiser
 from optiplan.planners.trajopt.optimizer import Attempt, AttemptOptions, Optimiser, attempt_record
 from optiplan.planners.trajopt.options import TrajOptOptions
+from optiplan.problem.goals import turned
 from optiplan.problem.goals_and_vias import AllOfGoal
 from optiplan.problem.problem import GoalEnd, JointGoal, Problem, RegionGoal
 from optiplan.problem.regions.together import sampler_of
@@ -188,7 +188,7 @@ class WarmStart:
 
     def _configuration(self, goal: GoalEnd, near: Array) -> Array | None:
         if isinstance(goal, JointGoal):
-            return endless_turns(self.problem.robot, goal.q, near, 1)[0]
+            return turned(self.problem.robot, goal, near)[0]
         if isinstance(goal, RegionGoal | AllOfGoal):
             q, inside = sampler_of(self.problem.robot, goal).onto(near)
             return q if inside else None

@@ -83,7 +83,7 @@ def _extended(problem: Problem, chains: list[Array], costs: Array, ends: list[Ar
 
 def _choices(problem: Problem, model: CollisionModel, budget: Budget, k: int) -> list[Array] | Failure:
     options = GoalOptions(count=_CHOICES, stop=lambda: budget.over)
-    there = derived(problem, goal=(problem.vias[k].at,), vias=())
+    there = derived(problem, goal=problem.vias[k].goal, vias=())
     found = goal_configurations(there, model, np.random.default_rng(problem.seed), options)
     if found.kind is not None:
         if budget.over:

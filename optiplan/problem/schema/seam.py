@@ -95,6 +95,8 @@ class SeamSpec(Strict):
         exactly_one(self, ("points", "cover"))
         if self.free_axis not in (None, "z"):
             raise ValueError(f"found free_axis {self.free_axis}; expected z, the axis of a path's tool")
+        if self.cover is not None and (beside := {"blend", "curve"} & self.model_fields_set):
+            raise ValueError(f"found {min(beside)} beside cover, whose path is one spline; expected it with points")
         if self.curve == "spline" and self.blend is not None:
             raise ValueError("found blend of a spline, which has no corners; expected it with `curve: line`")
         return self

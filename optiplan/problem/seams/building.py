@@ -49,7 +49,7 @@ class SeamShape:
         """Return the elements of the path, and after which of them there is a corner.
 
         Raises:
-            ValueError: an arc that does not exist.
+            ValueError: an arc that does not exist, a cusp of a spline, or a path straight back with a blend.
         """
         if self.smooth:
             return spline(self.points), []
@@ -63,7 +63,7 @@ class SeamShape:
         """Return the curve.
 
         Raises:
-            ValueError: an arc that does not exist, a cusp of a spline, or too many swings.
+            ValueError: as of `elements`, or too many swings.
         """
         knots = knots_of(*self.elements(), len(self.points))
         if self.weave is not None:

@@ -14,6 +14,9 @@ from optiplan.trajectory.paths.hermite import hermite
 CORNER = 1e-3
 """rad: parts that meet at a larger angle make a corner."""
 
+_BACK = 1e-2
+"""rad: a corner that is nearer to a half turn cannot be rounded."""
+
 _TURN = 0.1
 """rad: largest turn of the curve within a part of an element that becomes a piece."""
 
@@ -110,6 +113,9 @@ def rounded(elements: Sequence[Element], blend: float) -> tuple[list[Element], l
 
     A corner is replaced from `blend`, m, before to as much after it, or half of a part where that is shorter, by a
     polynomial of degree five that keeps tangent and curvature.
+
+    Raises:
+        ValueError: a corner to round where the path goes straight back.
     """
     angles = [_angle(a.end(1.0)[1], b.end(0.0)[1]) for a, b in pairwise(elements)]
     found: list[Element] = []
@@ -123,6 +129,8 @@ def rounded(elements: Sequence[Element], blend: float) -> tuple[list[Element], l
             if corner:
                 corners.append(len(found) - 1)
             continue
+        if angles[k] > np.pi - _BACK:
+            raise ValueError(f"no blend rounds the corner at point {one.point + 1}, where it goes straight back")
         after = elements[k + 1]
         radius = min(blend, 0.5 * one.uniform, 0.5 * after.uniform)
         end, begin_after = 1.0 - radius / one.uniform, radius / after.uniform

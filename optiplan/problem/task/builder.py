@@ -362,7 +362,7 @@ def _listed(values: Any) -> Sequence[Any]:
     return values if isinstance(values, Sequence) else [None]
 
 
-_STEP_KEYS = ("name", "allowed_collisions", "path_constraints")
+_STEP_KEYS = (*STEP, "path_constraints")
 
 
 def _given(**values: Any) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from optiplan.geometry.scene import Scene
 from optiplan.kinematics.ik.numeric import joints_that_move
 from optiplan.problem.builder import Compiler
 from optiplan.problem.goals_and_vias import PoseGoal
+from optiplan.problem.grasps.places import unbounded
 from optiplan.problem.partial import fit, mapping
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.schema.scene import MovingFrameSpec
@@ -162,6 +163,9 @@ class RideReader:
             self._report(place, f"ends that cannot move with '{mover.name}'", "poses or regions of one frame")
             self._unclear = True
             return None
+        for end in action.goal:
+            if isinstance(end, RegionGoal) and (endless := unbounded(end)):
+                self._report(place, f"a region with no bound {endless}", "a bound along each axis, m, where it moves")
         if action.vias:
             self._report((*place, "via"), f"vias on the way to '{mover.name}', which moves", "a move of its own before")
         frame = frames.pop()

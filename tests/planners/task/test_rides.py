@@ -6,10 +6,16 @@ import pytest
 
 import optiplan as op
 from optiplan.geometry.obstacle_motion import ObstacleMotion
+from optiplan.planners.base import Budget
 from optiplan.planners.cartesian.tool_path import line
+from optiplan.planners.task.planned_steps import Pause, PlannedStep
 from optiplan.planners.task.rides.ride_path import RidePath, RideSection
+from optiplan.planners.task.rides.riding import free_in_time
+from optiplan.planners.task.stages import WorldState
+from optiplan.planners.task.waiting import waiting
 from optiplan.problem.load import problem_from_dict
-from tests.verify.tasks.test_ride_check import on_belt
+from optiplan.trajectory.joining import standstill
+from tests.verify.tasks.test_ride_check import data_of, on_belt
 
 READY = {"move": {"configuration": "ready"}}
 
@@ -87,6 +93,31 @@ def test_waits_that_are_over_and_events_alone_take_no_time(steps, ends):
     run = op.plan(op.Problem("panda", "ready", task=task, scene=[cart, cube]), budget=60.0)
     assert run.verified, run.failure or run.report.failures
     assert [one.end for one in run.trajectory.segments] == pytest.approx(ends, abs=1e-4)
+
+
+def test_a_move_that_only_meets_something_is_followed_by_another():
+    """The second section of the task begins with the motion of the first."""
+    over = {"move": {"pose": {"in": "belt", "position": [0, 0, 0.2], "rpy_deg": [180, 0, 0]}}}
+    run = op.plan(problem_from_dict(on_belt(task=[over, over, READY])), budget=60.0)
+    assert run.verified, run.failure or run.report.failures
+    assert [one.kind for one in run.trajectory.segments] == ["move"] * 3
+
+
+def test_what_has_stopped_before_the_arm_can_be_there_is_met():
+    belt = data_of({"polynomial": [[0], [0, 0.3], [0]], "until": 0.5}, [0.5, 0.15, 0.1])
+    run = op.plan(problem_from_dict(belt), budget=60.0)
+    assert run.verified, run.failure or run.report.failures
+    assert run.trajectory.segments[0].end > 0.5
+
+
+def test_a_budget_that_ends_while_a_motion_is_checked_is_no_collision():
+    problem = problem_from_dict(on_belt())
+    step, state = problem.task[0], WorldState(problem.start, problem.scene)
+    still = standstill(problem.robot.joint_names, problem.start, 1.0)
+    assert free_in_time(problem, problem.scene, step, still, 0.0, Budget(60.0)) is None
+    ride = free_in_time(problem, problem.scene, step, still, 0.0, Budget(0.0))
+    pause = waiting(problem, [Pause(PlannedStep(step, state, state), 1.0)], Budget(0.0))
+    assert (ride.kind, pause.kind) == ("budget", "budget")
 
 
 def swing(angle):

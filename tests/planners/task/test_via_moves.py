@@ -123,6 +123,17 @@ def test_a_move_of_a_task_does_not_stop_at_its_vias():
     assert np.abs(found.trajectory(at, 1)).max() > 0.1
 
 
+def test_constraints_on_a_part_of_a_task_of_several_steps_are_unsupported():
+    """They are about a part of the whole, which no step knows while it is planned."""
+    slow = ToolSpeed("panda_hand_tcp", linear=0.5, during=(0.4, 0.6))
+    task = derived(
+        op.Problem("panda", "ready", task=op.Task().move(cases.LEFT).move("ready")), path_constraints=(slow,)
+    )
+    failure = run(task, "trajopt", {}, Budget(BUDGET), quiet).failure
+    assert failure.kind == "unsupported"
+    assert "part of a task" in failure.detail
+
+
 @pytest.mark.parametrize("as_task", [False, True])
 def test_constraints_on_a_part_of_the_motion_need_another_planner(as_task):
     slow = ToolSpeed("panda_hand_tcp", linear=0.5, during=(0.2, 0.4))

@@ -11,6 +11,7 @@ import pytest
 
 import optiplan as op
 from optiplan.planners.base import Budget
+from optiplan.planners.registry import make_planner
 from optiplan.planners.tours import search
 from optiplan.planners.tours.legs import TourLegs
 from optiplan.problem.problem import derived
@@ -20,6 +21,7 @@ from optiplan.runs.pipeline import run as plan_with
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.verify.verify import verify
 from tests.planned import planned_until
+from tests.planners import cases
 
 PLACES = [(0.45, y, z) for y in (-0.3, -0.1, 0.1, 0.3) for z in (0.25, 0.45)]
 WALL = op.Box("wall", size=(0.2, 0.02, 0.3), position=(0.55, 0.0, 0.1))
@@ -177,3 +179,12 @@ def test_a_leg_without_time_left_is_told_as_that(problem):
     failure = legs.motion((0, 1), arm.start, arm.start + 0.5, Budget(0.0))
     assert failure.kind == "budget"
     assert failure.detail.startswith("the budget of 0 s ended while planning this motion")
+
+
+def test_a_leg_of_an_endless_joint_ends_at_the_stated_turn():
+    """The next one begins there, not at the image that is nearer."""
+    arm = derived(cases.endless(), start=np.zeros(2))
+    planner = make_planner("quintic", {})
+    legs = TourLegs(arm, SimpleNamespace(free=lambda a, b: False), planner, lambda stage, fraction: None)
+    end = np.array([4.0, 0.5])
+    assert legs.motion((0, 1), arm.start, end, Budget(10.0)).end == pytest.approx(end)

@@ -98,6 +98,8 @@ def test_corners_are_rounded_or_need_a_ramp():
         ("      points: none.csv\n      speed: 0.1\n", "no such file"),
         ("      points:\n        - {position: [0, 0, 0]}\n      speed: 0.1\n", "points"),
         ("      cover: {mesh: none.stl, spacing: 0.02}\n      speed: 0.1\n", "path.cover.*none.stl"),
+        ("      cover: {mesh: m.stl, spacing: 0.02}\n      speed: 0.1\n      blend: 0.01\n", "blend beside cover"),
+        ("      cover: {mesh: m.stl, spacing: 0.02}\n      speed: 0.1\n      curve: line\n", "curve beside cover"),
     ],
 )
 def test_bad_paths_are_refused_with_their_line(tmp_path, body, words):
@@ -122,6 +124,12 @@ def test_bad_files_are_refused_with_their_line(tmp_path, text, words):
     (tmp_path / "p.csv").write_text(text)
     with pytest.raises(InputError, match=words):
         read(tmp_path, "      points: p.csv\n      axis: [0, 0, -1]\n      speed: 0.1\n")
+
+
+def test_no_blend_rounds_a_corner_straight_back():
+    with pytest.raises(InputError, match="no curve: no blend rounds the corner at point 2, where it goes straight"):
+        path([*POSITIONS, POSITIONS[0]], blend=0.01)
+    assert path([*POSITIONS, POSITIONS[0]], ramp=0.02).task[0].action.curve.corners == (pytest.approx(0.2),)
 
 
 def test_arcs_need_a_point_before_them():

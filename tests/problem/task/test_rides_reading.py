@@ -131,6 +131,7 @@ def test_python_states_the_same_steps():
         lambda: op.Task().either(one),
         lambda: op.Task().either(one, op.Task()),
         lambda: op.Task().pick("a", b=1),
+        lambda: op.Task().pick("a", path_constraints=[]),
         lambda: op.Task().pick("a", grasps=3),
         lambda: op.Task().pick(3),
         lambda: op.Task().place("a", 3),
@@ -138,6 +139,18 @@ def test_python_states_the_same_steps():
     ):
         with pytest.raises(InputError):
             call()
+
+
+def test_steps_of_python_take_an_arm():
+    keys = {"name": "x", "arm": "left", "wait_for": "other", "allowed_collisions": [["a", "b"]]}
+    task = (
+        op.Task()
+        .pick("cube", **keys)
+        .place("cube", op.Pose((0.5, 0, 0.1)), **keys)
+        .tour([op.Pose((0.5, 0, 0.1))], **keys)
+    )
+    for step in task.path([[0.5, 0, 0.1], [0.5, 0.1, 0.1]], 0.1, **keys).steps:
+        assert {key: step[key] for key in keys} == keys
 
 
 def test_an_obstacle_of_python_turns():
@@ -172,6 +185,12 @@ REFUSED = {
     "standing object": ("object: cube, from", "object: stone, from", 13, "stone"),
     "too wide": ("box: [0.04, 0.04, 0.06]", "box: [0.1, 0.1, 0.1]", 13, "the fingers open to 0.08 m"),
     "unknown key of a pick": ("from: belt, mass", "form: belt, mass", 13, "form"),
+    "a region without end": (
+        "move: {configuration: ready}",
+        "move: {region: {in: belt, position: [0, 0, 0.2], rpy_deg: [180, 0, 0], along: {y: free}}}",
+        16,
+        ": a region with no bound along y",
+    ),
     "no fingers": ("object: cube, from", "object: cube, hand: arm, from", 13, "group of fingers"),
     "a line in the world": ("by: [0.05, 0, 0], in: belt", "pose: {position: [0.5, 0, 0.3]}", 14, "a pose in the world"),
     "a direction in the world": (

@@ -91,6 +91,7 @@ class TaskInTime:
             stage = "meeting" if section[0].ride is not None else "steps"
             with watch.stage(stage):
                 found = self._section(section, state, t, motions[-1] if moving else None, share, first=k == 0)
+            self.info["cut_short"] |= self.budget.over
             if isinstance(found, Failure):
                 return PlanResult(None, found, watch.seconds, self.info)
             segments += [replace(one, begin=one.begin + t, end=one.end + t) for one in found.segments]

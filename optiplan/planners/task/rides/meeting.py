@@ -21,9 +21,9 @@ from optiplan.planners.task.planned_steps import PlannedStep, object_and_link
 from optiplan.planners.task.rides.ride_path import RidePath, RideSection
 from optiplan.planners.task.rides.riding import Rider, TimedPart, free_in_time
 from optiplan.planners.task.stages import Stage, Stages, WorldState
-from optiplan.problem.goals_and_vias import PoseGoal
-from optiplan.problem.grasps.places import places, unbounded
-from optiplan.problem.problem import JointGoal, Problem
+from optiplan.problem.goals_and_vias import ExactGoal, PoseGoal
+from optiplan.problem.grasps.places import places
+from optiplan.problem.problem import Problem
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.task.rides import Ride
 from optiplan.problem.task.steps import Move, TaskStep
@@ -101,23 +101,23 @@ class MeetingSearch:
         at, step, ready = t + _STEPS[0], _STEPS[0], t
         while at <= t + _HORIZON and not self.budget.over:
             self.progress(f"{first.words}: choosing when", min(1.0, (at - t) / _HORIZON))
-            soonest = np.inf
+            soonest, needed = np.inf, ready
             for q in reach.configurations(at)[:_TRIED]:
                 bound = t + float(lower_bounds(stage.problem.start, q[None], stage.problem.limits)[0])
-                soonest = min(soonest, bound)
+                soonest, needed = min(soonest, bound), max(needed, bound)
                 if bound > at:
                     failures.append((0, self._late(ride, at, bound)))
                     continue
                 found = self._meet(state, t, at, (stage, q))
                 if isinstance(found, _Found):
                     return self._sooner(state, t, (stage, reach), found).part
-                rank, failure, needed = found
+                rank, failure, possible = found
                 reach.blame(q)
                 failures.append((rank, failure))
-                ready = max(ready, needed)
+                ready = max(ready, possible)
             step = min(_STEPS[1] * step, _STEPS[2])
             at = max(at + step, ready, 0.5 * (at + soonest) if np.isfinite(soonest) else 0.0)
-            if reach.over(at):
+            if reach.over(max(needed, ready)):
                 break
         if self.budget.over and not failures:
             return of_step(out_of_time(self.budget, "choosing when to meet it"), first, state, self.problem.robot)
@@ -173,7 +173,7 @@ class MeetingSearch:
         v, a = (
             _rates(stage, ride, q, at) if rest.motion is None else (rest.motion(0.0, k)[stage.columns] for k in (1, 2))
         )
-        goal = stage.to((JointGoal(q, velocity=v, acceleration=a),))
+        goal = stage.to((ExactGoal(q, velocity=v, acceleration=a),))
         result = plan_through(self.planner, goal, self.budget.share(0.5), self.progress)
         if result.trajectory is None:
             failure = result.failure or Failure("no-path", "no motion was found")
@@ -261,8 +261,8 @@ class _Reach:
                 self._vain[k] += _BLAME
 
     def over(self, t: float) -> bool:
-        """Whether nothing changes any more, as what moves has come to its end."""
-        return self.ride.mover.motion.until < self._asked and t > self.ride.mover.motion.until
+        """Return whether nothing changes any more: what moves has stopped, and the arm could be there by t, s."""
+        return max(self.ride.mover.motion.until, t) < self._asked
 
     def words(self) -> str:
         """Return in words that nothing was met."""
@@ -276,6 +276,6 @@ def _poses_of(end: Any) -> Iterator[tuple[pin.SE3, tuple[float, float]]]:
     """Yield the poses of an end, each with its tolerance, m and rad."""
     if isinstance(end, PoseGoal):
         yield end.X_WG, (end.position, end.orientation)
-    elif isinstance(end, RegionGoal) and not unbounded(end):
+    elif isinstance(end, RegionGoal):
         for one in places(end):
             yield one.X_WG, (one.position, one.orientation)

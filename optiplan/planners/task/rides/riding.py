@@ -15,6 +15,7 @@ from optiplan.planners.cartesian.differential_ik import LIMIT_AVOIDANCES, Aim
 from optiplan.planners.cartesian.path_following import follow
 from optiplan.planners.cartesian.tool_path import line
 from optiplan.planners.common.continuous_collision import first_contact
+from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.limit_violations import Excess
 from optiplan.planners.seams.seam_motion import first_within_limits
 from optiplan.planners.task.chains import line_end, of_step
@@ -105,6 +106,8 @@ class Rider:
 
     def go(self, state: WorldState, t: float) -> TimedPart | Failure:
         """Return the motion from a state at time t, s, at which the frame is in place, as quick as limits let it be."""
+        if not self.steps:
+            return TimedPart(None, (), state)
         failure: Failure | None = None
         for slower in _SLOWER:
             found = self._at_pace(state, t, slower)
@@ -275,6 +278,8 @@ def free_in_time(
     touch = first_contact(model, motion, lambda: budget.over)
     if touch is None:
         return None
+    if budget.over:
+        return out_of_time(budget, "checking a motion among what moves")
     return Failure("collision", touch.words, touch.witness())
 
 
