@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, is_finite, number_argument
-from optiplan.errors import described, wrong_argument
+from optiplan.errors import described, flag_argument, wrong_argument
 from optiplan.geometry.file_shapes import Mesh, Octree, PointCloud
 from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.poses import FixedPose
@@ -202,6 +202,7 @@ class Scene:
         safety: Safety | float | None = None,
         unwished: bool = False,
     ) -> None:
+        flag_argument("Scene", "unwished", unwished)
         object.__setattr__(self, "obstacles", _all(obstacles, Obstacle, "obstacles"))
         object.__setattr__(self, "attached", _all(attached, Attachment, "attached"))
         object.__setattr__(self, "allowed", frozenset(map(_pair, _listed(allowed, "allowed", "pairs of names"))))
