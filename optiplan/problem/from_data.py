@@ -94,7 +94,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
 
 def _without_frames(document: Document, base: Path, robots: RobotLoader) -> tuple[Document, list[Issue]]:
     """Return a problem file whose poses are all in the world, and what is wrong with those in frames."""
-    return in_world(document, lambda: _robot_of(document, base, robots))
+    return in_world(document, lambda: _robot_of(document, base, robots)[0])
 
 
 def _without_picks(document: Document, base: Path, robots: RobotLoader) -> tuple[Document, list[Issue]]:
@@ -106,9 +106,10 @@ def _without_picks(document: Document, base: Path, robots: RobotLoader) -> tuple
     return with_picks(document, lambda: _robot_of(document, base, robots))
 
 
-def _robot_of(document: Document, base: Path, robots: RobotLoader) -> Robot | None:
+def _robot_of(document: Document, base: Path, robots: RobotLoader) -> tuple[Robot | None, Sequence[str]]:
     whole, _ = with_one_robot(document)
-    return Compiler(whole, base, whole.data).robot(robots)
+    compiler = Compiler(whole, base, whole.data)
+    return compiler.robot(robots), compiler.main_joints
 
 
 def _issues_of(document: Document, base: Path, robots: RobotLoader) -> Sequence[Issue]:
@@ -236,8 +237,7 @@ def _with_safety(
     tools = [body for _, name, tool in compiler.tools for body in tool.bodies_of(name)]
     links = () if robot is None else link_names(robot)
     clearance = None if spec is None else spec.clearance
-    allowed = {} if robot is None else robot.allowed
-    safety, unsafe = safety_of(compiler.document, clearance, scene, [*links, *tools], allowed)
+    safety, unsafe = safety_of(compiler.document, clearance, scene, [*links, *tools], robot)
     if robot is not None:
         robot = with_asked_checked(safety, robot)
         safety = with_built(safety, robot)

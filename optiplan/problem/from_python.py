@@ -146,6 +146,7 @@ def _loader(robot: Robot) -> RobotLoader:
     ) -> Robot:
         if group == robot.reference.group:  # of a task that moves more groups, the robot has the joints of all
             return robot
-        return replace(load_robot(ref, base, locked, group), tool_frame=robot.tool_frame)
+        own = load_robot(ref, base, locked, group)  # without the tool of a file that `robot` may carry
+        return replace(own, tool_frame=robot.tool_frame) if own.model.existFrame(robot.tool_frame) else own
 
     return load

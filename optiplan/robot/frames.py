@@ -1,8 +1,9 @@
-"""Pose and geometric Jacobian of any frame of a robot.
+"""Pose and geometric Jacobian of any frame of a robot; which frame is the tool of a group.
 
 Source: B. Siciliano et al., Robotics: Modelling, Planning and Control, section 3.1; values from pinocchio.
 """
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -64,3 +65,17 @@ def pose_errors(X: Array, X_goal: Array) -> Array:
     squares = np.einsum("...ij,...ij->...j", difference, difference)
     chord = np.sqrt(squares[..., :3].sum(-1)) / np.sqrt(8.0)
     return np.stack([np.sqrt(squares[..., 3]), 2.0 * np.arcsin(np.minimum(chord, 1.0))], axis=-1)
+
+
+def with_tool_of(robot: "Robot", group: str | None, main: Collection[str]) -> "Robot":
+    """Return the robot with the tool frame of a group, if that has one of its own and its joints are not `main`.
+
+    Args:
+        robot: whose tool frame is that of the `main` joints.
+        group: a name of its `groups`; None: that of the problem.
+        main: the joints of the problem's own group.
+    """
+    frame = robot.tool_frames.get(str(group), robot.tool_frame)
+    if frame == robot.tool_frame or set(robot.groups.get(str(group), ())) == set(main):
+        return robot
+    return robot.with_tool(frame)

@@ -66,6 +66,19 @@ def test_the_proved_curve_is_about_the_tracking_error_too(proof):
     assert clearance_of(problem, proof.trajectory, even=8)["proved_least"] == witness["proved_clearance"]
 
 
+def test_what_the_last_event_leaves_is_in_the_proved_curve():
+    """The ball is as near the tool that has released it as nothing is on the way."""
+    ball = op.Sphere("ball", 0.02, position=(0.1, 0, 0)).attached_to("tool")
+    task = op.Task().move([1.0, 0.5]).detach("ball")
+    run = op.plan(op.Problem("planar2r", [0.0, 0.5], scene=op.Scene(attached=[ball]), task=task), "quintic", budget=5.0)
+    shown = clearance_of(run.problem, run.trajectory, even=8)
+    assert shown["proved_least"] == collision(run).witness["proved_clearance"] == floats(shown["proved"], "<f8").min()
+    edges, t = floats(shown["edges"], "<f8"), floats(shown["t"])
+    assert edges.max() == run.trajectory.duration
+    assert t.max() == pytest.approx(run.trajectory.duration)
+    assert (np.diff(edges) >= 0.0).all()
+
+
 def test_recording_changes_no_proof_and_covers_every_pair_at_all_times(proof):
     model, record = CollisionModel(proof.problem.robot, proof.problem.scene), ClearanceRecord()
     plain = certify(model, proof.trajectory, VerifyPolicy())

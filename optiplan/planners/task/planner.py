@@ -47,12 +47,12 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
     """
     if choices_of(problem.task):
         return plan_alternatives(plan_task, planner, problem, budget, progress)
-    if in_time(problem):
-        return TaskInTime(problem, planner, plan_task, budget, progress).run()
-    stated, problem = problem, one_after_another(problem)
     refused = unsupported(problem, planner)
     if refused is not None:
         return PlanResult(None, refused)
+    if in_time(problem):
+        return TaskInTime(problem, planner, plan_task, budget, progress).run()
+    stated, problem = problem, one_after_another(problem)
     began, watch, moves = clock(), Stopwatch(), ViaMoves.of(problem, planner)
     incumbent = Incumbent(stated, progress, watch, began)
     waits = bool(problem.scene.dynamic_obstacles)

@@ -139,7 +139,7 @@ class _NonzeroEndRun:
                 refused = found
                 continue
             rest = goal.q if found is None else found.start
-            goals.append(JointGoal(rest))
+            goals.append(replace(goal, q=rest, velocity=None, acceleration=None))
             run_ups.append((rest, found))
         if not goals and refused is not None:
             return replace(refused, detail=f"no curve was found, and a run-up is no way in: {refused.detail}")

@@ -8,7 +8,7 @@ link that holds is the one that carries the tool frame.
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, Literal, Self
 
@@ -26,6 +26,7 @@ from optiplan.problem.grasps.antipodal import graspable, least_width
 from optiplan.problem.partial import fit, mapping
 from optiplan.problem.schema.ends import exactly_one
 from optiplan.problem.schema.scene import LARGEST_MASS, ObstacleSpec
+from optiplan.robot.frames import with_tool_of
 from optiplan.robot.mimic_joints import resolve
 from optiplan.robot.robot import Robot
 from optiplan.robot.urdf.reader import stated_mimics
@@ -40,6 +41,9 @@ STEP = ("name", "arm", "wait_for", "allowed_collisions", "option")
 """Keys of a step beside what it does, that its parts have too."""
 
 Place = tuple[str | int, ...]
+
+Loader = Callable[[], tuple[Robot | None, Sequence[str]]]
+"""Loads the robot, and says which joints the group of the problem has."""
 
 
 class PickSpec(Strict):
@@ -88,7 +92,7 @@ KINDS: Mapping[str, type[PickSpec] | type[PlaceSpec]] = {"pick": PickSpec, "plac
 """What is written out here."""
 
 
-def with_picks(document: Document, robot: Callable[[], Robot | None]) -> tuple[Document, list[Issue]]:
+def with_picks(document: Document, robot: Loader) -> tuple[Document, list[Issue]]:
     """Return a problem file whose picks and places are plain steps, with their lines; and what is wrong with them."""
     task = mapping(document.data).get("task")
     if not isinstance(task, list) or not any(isinstance(one, dict) and KINDS.keys() & one.keys() for one in task):
@@ -108,7 +112,7 @@ def with_picks(document: Document, robot: Callable[[], Robot | None]) -> tuple[D
 
 
 class _PickReader:
-    def __init__(self, document: Document, robot: Callable[[], Robot | None]) -> None:
+    def __init__(self, document: Document, robot: Loader) -> None:
         self._document, self._load = document, robot
         self.issues: list[Issue] = []
         obstacles = mapping(mapping(document.data).get("scene")).get("obstacles")
@@ -134,10 +138,10 @@ class _PickReader:
             for issue in error.issues:
                 self._report((*place, kind, *issue.path), issue.found, issue.expected)
             return
-        robot = self._load()
+        robot, main = self._load()
         if robot is None:
             return
-        robot = _with_tool_of(robot, spec.group or step.get("arm"))
+        robot = with_tool_of(robot, spec.group or step.get("arm"), main)
         rest = {key: value for key, value in step.items() if key in STEP}
         parts = self._pick if isinstance(spec, PickSpec) else self._place
         for i, one in enumerate(parts((*place, kind), spec, robot, step[kind])):  # type: ignore[arg-type]
@@ -281,13 +285,6 @@ def _limit(joint: ET.Element) -> str:
 def _link(joint: ET.Element, end: str) -> str:
     found = joint.find(end)
     return "" if found is None else str(found.get("link"))
-
-
-def _with_tool_of(robot: Robot, group: Any) -> Robot:
-    """Return the robot with the tool frame of a group, if that has one of its own and is not the problem's."""
-    frame = robot.tool_frames.get(str(group))
-    main = str(robot.group).partition("+")[0]
-    return robot if frame is None or group == main else robot.with_tool(frame)
 
 
 def _holding(robot: Robot) -> str:

@@ -1,6 +1,7 @@
 """The schema of `clearance` in a problem file: how far bodies stay apart."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from itertools import product
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -11,8 +12,9 @@ from optiplan.config.values import Name
 from optiplan.errors import Issue
 from optiplan.geometry.safety import MOST, WITHIN, Safety, named_by
 from optiplan.geometry.scene import Scene
+from optiplan.problem.partial import mapping
+from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pairs import PROVED, WORDS
-from optiplan.robot.urdf.srdf import LinkPair
 
 Distance = Annotated[float, Field(strict=True, ge=0.0, le=MOST, allow_inf_nan=False)]
 """m, of bodies that stay apart."""
@@ -58,16 +60,14 @@ def safety_of(
     spec: float | SafetySpec | None,
     scene: Scene,
     others: Sequence[str],
-    allowed: Mapping[LinkPair, str],
+    robot: Robot | None,
 ) -> tuple[Safety | None, list[Issue]]:
     """Return what is required of the bodies of a scene and of others, links and bodies of tools; and what is wrong.
 
-    Wrong is a name that no body has, and a group of pairs that has none, or only pairs that are not checked, of links
-    (`allowed`, as that of a robot) or in the scene.
+    Wrong is a name that no body has, and a group of pairs that has none, or only pairs that are not checked.
     """
     issues: list[Issue] = []
-    unchecked = {frozenset(pair): WORDS[why.partition(":")[0]] for pair, why in allowed.items() if why != PROVED}
-    unchecked |= dict.fromkeys(scene.allowed, "allowed by scene.allowed_collisions")
+    unchecked = _unchecked(document, scene, robot)
     for k, part in enumerate(spec.pairs if isinstance(spec, SafetySpec) else ()):
         place = ("clearance", "pairs", k)
         of, from_ = (_bodies(stated, [*others, *scene.names]) for stated in (part.of, part.others))
@@ -88,6 +88,24 @@ def safety_of(
         elif not pairs and all(of.values()) and all(from_.values()):
             issues.append(document.issue(place, "one body in both groups, and no other", "two bodies"))
     return (None if issues else Safety.from_data(safety_data(spec))), issues
+
+
+def _unchecked(document: Document, scene: Scene, robot: Robot | None) -> dict[frozenset[str], str]:
+    """Return pairs of which nothing is checked, and why.
+
+    In a task bodies are taken and released: there only pairs count that may touch throughout.
+    """
+    found: dict[frozenset[str], str] = {}
+    if robot is not None and mapping(document.data).get("task") is None:
+        bodies = enumerate(robot.geometry.geometryObjects)
+        still = {robot.link_of(k) for k, body in bodies if body.parentJoint == 0}
+        names = [one.name for one in scene.standing.obstacles]
+        found = {frozenset(pair): "neither ever moves" for pair in product(still, names)}
+        for held in scene.attached:
+            found |= {frozenset((held.name, link)): "held, with what it may touch" for link in (held.link, *held.touch)}
+    allowed = {} if robot is None else robot.allowed
+    found |= {frozenset(pair): WORDS[why.partition(":")[0]] for pair, why in allowed.items() if why != PROVED}
+    return found | dict.fromkeys(scene.allowed, "allowed by scene.allowed_collisions")
 
 
 def _bodies(stated: str | Sequence[str], names: Sequence[str]) -> dict[str, list[str]]:

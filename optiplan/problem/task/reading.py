@@ -56,6 +56,7 @@ from optiplan.problem.task.steps import (
 from optiplan.problem.task.tour_reading import read_tour
 from optiplan.problem.tools.reading import ToolsInUse
 from optiplan.problem.tools.tool import NONE, stated_alone
+from optiplan.robot.frames import with_tool_of
 from optiplan.robot.robot import Robot
 
 Located = LocatedValue[TaskStepSpec]
@@ -216,11 +217,7 @@ class TaskReader:
 
     def _with_tool_of(self, group: str | None) -> Robot:
         """Return the robot with the tool frame of a group, if that is not the problem's and has one of its own."""
-        own = self.robot.tool_frame
-        frame = self.robot.tool_frames.get(str(group), own)
-        if frame == own or set(self.robot.groups.get(str(group), ())) == set(self.compiler.main_joints or ()):
-            return self.robot
-        return self.robot.with_tool(frame)
+        return with_tool_of(self.robot, group, self.compiler.main_joints)
 
     def _alone(self, joints: Sequence[str], group: str | None) -> Robot:
         """Return the robot with only these joints planned; where the others stand does not matter here."""

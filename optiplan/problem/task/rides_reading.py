@@ -163,9 +163,10 @@ class RideReader:
             self._report(place, f"ends that cannot move with '{mover.name}'", "poses or regions of one frame")
             self._unclear = True
             return None
-        for end in action.goal:
+        for i, end in enumerate(action.goal):
             if isinstance(end, RegionGoal) and (endless := unbounded(end)):
-                self._report(place, f"a region with no bound {endless}", "a bound along each axis, m, where it moves")
+                at = (*place, *(() if spec.any_of is None else ("any_of", i)), "region", "along")
+                self._report(at, f"a region with no bound {endless}", "a bound along each axis, m, where it moves")
         if action.vias:
             self._report((*place, "via"), f"vias on the way to '{mover.name}', which moves", "a move of its own before")
         frame = frames.pop()

@@ -21,9 +21,10 @@ from optiplan.problem.task.arms import (
     of_one_arm,
     several_arms,
 )
+from optiplan.problem.task.rides import WaitUntil
 from optiplan.problem.task.scene_change import carrying, columns, scene_after, scene_during
 from optiplan.problem.task.scene_part import ScenePart, whole_motion
-from optiplan.problem.task.steps import Action, Attach, ChangeTool, Detach, Event, Move, StraightLine, TaskStep
+from optiplan.problem.task.steps import Action, Attach, ChangeTool, Detach, Dwell, Event, Move, StraightLine, TaskStep
 from optiplan.problem.task.tour_steps import in_order
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -136,6 +137,17 @@ def scene_parts(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
     return list(_parts_with_ends(problem, found, _step_ends(problem, trajectory)))
 
 
+def proved_parts(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
+    """Return the parts of a motion that are proved: `scene_parts`, and what the last event leaves.
+
+    Raises:
+        ValueError: the segments are not the steps of the task.
+    """
+    parts = scene_parts(problem, trajectory)
+    last = part_of_last_event(problem, trajectory) if problem.task else None
+    return parts if last is None else [*parts, last]
+
+
 def part_of_last_event(problem: Problem, trajectory: Trajectory) -> ScenePart | None:
     """Return the part, without duration, in which the scene is what the last event leaves; None of none at the end.
 
@@ -165,8 +177,9 @@ def _parts_with_ends(
 def _step_ends(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[float, Array]]:
     """Yield when the motion begins and a step ends, s, with the configuration (n,) there; and vias of joint values.
 
-    Only steps that say where they end have an end: a motion to a path or away from it ends anywhere, and at an event
-    on a path the tool is on its way. Of several arms, the others are on their way unless all of them rest.
+    Only steps that say where they end have an end, and it stays one while the arm stands there: a motion to a path or
+    away from it ends anywhere, and at an event on a path the tool is on its way. Of several arms, the others are on
+    their way unless all of them rest.
     """
     yield 0.0, trajectory.start
     rows = list(steps_in_time(problem, trajectory))
@@ -178,11 +191,16 @@ def _step_ends(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[float
     def resting(t: float) -> bool:
         return bisect_left(begun, t) == bisect_right(over, t)
 
+    since: dict[str, float] = {}  # s, from when on each arm is at its last end; inf where it is at none
     for step, _, begin, end in rows:
         action = step.action
+        stands = step.ride is None and isinstance(action, Dwell | WaitUntil | Event)
         if isinstance(action, SeamPart) and action.low == 0.0:
             yield begin, trajectory(begin)
-        if not states_its_end(action):
+        if stands and end <= since.get(step.arm, 0.0):
+            continue
+        since[step.arm] = end if stands or states_its_end(action) else math.inf
+        if math.isinf(since[step.arm]):
             continue
         if resting(end):
             yield end, trajectory(end)

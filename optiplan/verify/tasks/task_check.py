@@ -18,7 +18,7 @@ from optiplan.problem.problem import GoalEnd, JointGoal, Problem, RegionGoal, Vi
 from optiplan.problem.task.scene_change import columns
 from optiplan.problem.task.scene_part import ScenePart
 from optiplan.problem.task.steps import Attach, Detach, Move, StraightLine, TaskStep
-from optiplan.problem.task.timeline import mismatch, part_of_last_event, scene_parts, steps_in_time
+from optiplan.problem.task.timeline import mismatch, proved_parts, steps_in_time
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.segments import ON_PATH, TOUR
@@ -54,8 +54,7 @@ def task_checks(
     steps = _segments(problem, trajectory)
     if not steps.passed:
         return [steps]
-    last = part_of_last_event(problem, trajectory)
-    scenes = scene_parts(problem, trajectory) + ([] if last is None else [last])
+    scenes = proved_parts(problem, trajectory)
     return [
         steps,
         limit_checks.start_position(problem, trajectory, policy),

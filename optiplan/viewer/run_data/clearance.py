@@ -10,7 +10,7 @@ from optiplan.collision.contacts import Contact
 from optiplan.collision.model import CollisionModel
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.scene_part import ScenePart
-from optiplan.problem.task.timeline import mismatch, scene_parts
+from optiplan.problem.task.timeline import mismatch, proved_parts
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.collision_check import certified
 from optiplan.verify.continuous.clearance_record import ClearanceBound, ClearanceRecord
@@ -59,7 +59,8 @@ def clearance_of(
     `t` (k,), `distance` (k,), `points` (k, 2, 3), `pair` (k,): the nearest pair of `pairs`, measured at samples.
     `edges` (m + 1,), `proved` (m,), `proved_pair` (m,): the certificate's bound on each interval, only for what is
     proved; its least is the clearance in the report. `least`: the smallest distance. `contacts`: times from and to, s,
-    in which bodies overlap. Of a task each part of the motion is measured in its own scene.
+    in which bodies overlap. Of a task each part of the motion is measured in its own scene, and what its last event
+    leaves at the end of the motion.
     `choices`, if `chosen`: [{`of`, `distance` (k,), `points` (k, 2, 3)}], the same of the scene's pairs alone, of the
     robot's own, and of single pairs; NaN where there is none.
     """
@@ -67,7 +68,7 @@ def clearance_of(
         return None
     parts = [
         measured
-        for part in scene_parts(problem, trajectory)
+        for part in proved_parts(problem, trajectory)
         if (measured := _measured(part, part.motion(trajectory), trajectory.duration, even)) is not None
     ]
     if not parts:
@@ -118,21 +119,22 @@ def _measured(part: ScenePart, motion: Trajectory, duration: float, even: int) -
     if not model.pairs:
         return None
     bound = record.bound(motion.duration, len(model.pairs)) if proof.proved else None
-    own = max(4, int(np.ceil(even * motion.duration / duration)))
+    own = max(4, int(np.ceil(even * (part.end - part.begin) / duration)))
     t = _times(motion, bound, own, None if proof.nearest is None else proof.nearest.time)
     near = [_nearest(model, motion, time) for time in t]
     contacts = _contacts(model, motion, t, np.array([one.distance for one in near]))
-    if bound is not None:
-        bound = bound._replace(edges=bound.edges + part.begin)
-    later = [[begin + part.begin, end + part.begin] for begin, end in contacts]
+
+    def later(times: Array) -> Array:  # a part that takes no time stands still for a second
+        return np.minimum(part.begin + times, part.end)
+
     return _Measured(
         model,
-        t + part.begin,
+        later(t),
         motion(t),
         near,
         proof.clearance if proof.proved else None,
-        bound,
-        later,
+        None if bound is None else bound._replace(edges=later(bound.edges)),
+        [later(np.array(times)).tolist() for times in contacts],
     )
 
 

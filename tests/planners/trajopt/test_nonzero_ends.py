@@ -15,6 +15,7 @@ from optiplan.planners.trajopt.nonzero_ends import _NonzeroEndRun, plan_nonzero_
 from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
+from optiplan.problem.goals_and_vias import ExactGoal, JointGoal
 from optiplan.problem.problem import derived
 from optiplan.runs.pipeline import run
 from optiplan.trajectory.paths.hermite import hermite
@@ -154,16 +155,17 @@ def test_a_goal_that_moves_by_a_rounding_needs_no_run_up(speed, blocked):
     assert run.verified == (not blocked)
 
 
-def test_a_run_up_begins_where_an_endless_joint_arrives(tmp_path):
-    """The goal is at -3 rad; from 3 rad the way there goes on to 3.28 rad."""
+@pytest.mark.parametrize(("kind", "end"), [(JointGoal, 2.0 * np.pi - 3.0), (ExactGoal, -3.0)])
+def test_a_run_up_begins_where_an_endless_joint_arrives(tmp_path, kind, end):
+    """The goal is at -3 rad; from 3 rad the way there goes on to 3.28 rad, unless it is to be exactly that."""
     at_rest = one_joint(tmp_path, "{name: turn, joint: revolute, a: 0.3}", -3.0)
-    goal = replace(at_rest.goal[0], velocity=np.array([0.5]))
+    goal = kind(at_rest.goal[0].q, velocity=np.array([0.5]))
     problem = derived(at_rest, start=np.array([3.0]), goal=(goal,))
     found = make_planner("trajopt", {"straight_goals": 0}).plan(problem, Budget(2.0), lambda stage, fraction: None)
     for one in (*found.earlier, found):
-        end = one.trajectory.state(one.trajectory.duration)
-        assert end.q == pytest.approx([2.0 * np.pi - 3.0], abs=1e-6)
-        assert end.v == pytest.approx([0.5], abs=1e-6)
+        last = one.trajectory.state(one.trajectory.duration)
+        assert last.q == pytest.approx([end], abs=1e-6)
+        assert last.v == pytest.approx([0.5], abs=1e-6)
 
 
 def test_a_detour_that_breaks_a_constraint_is_a_failure_that_names_it(monkeypatch):

@@ -80,6 +80,11 @@ def test_a_scene_that_asks_nothing_is_said_to_and_wishes_nothing(tmp_path):
             "clearance: {pairs: [{of: panda_link3, from: panda_link4, at_least: 0.01}]}",
             "clearance.pairs[0]: pairs that are not checked (adjacent); expected pairs that are checked",
         ),
+        (
+            "  attached: [{name: part, shape: {sphere: 0.01}, link: panda_hand, touch: [panda_leftfinger]}]\n"
+            "clearance: {pairs: [{of: part, from: [panda_hand, panda_leftfinger], at_least: 0.01}]}",
+            "clearance.pairs[0]: pairs that are not checked (held, with what it may touch); expected",
+        ),
     ],
 )
 def test_what_cannot_be_asked_is_told_with_its_line(tmp_path, clearance, words):
@@ -105,3 +110,13 @@ def test_bodies_of_tools_have_names_of_a_clearance(tmp_path):
     words = r"'pne', which no body is called; expected one of: cap, .*did you mean 'pen'"
     with pytest.raises(op.InputError, match=words):
         loaded(tmp_path, TOOL.replace("of: pen", "of: pne"))
+
+
+def test_a_link_and_an_obstacle_that_both_stand_are_a_pair_in_a_task_alone():
+    cup = op.Box("cup", size=(0.05, 0.05, 0.05), position=(0.5, 0, 0.025))
+    asked = op.Safety(pairs=(op.SafePairs(("cup",), ("panda_link0",), 0.01),))
+    scene = op.Scene([cup], safety=asked)
+    with pytest.raises(op.InputError, match=r"pairs that are not checked \(neither ever moves\)"):
+        op.Problem("panda", "ready", "extended", scene=scene)
+    in_task = op.Problem("panda", "ready", scene=scene, task=op.Task().move("extended"))
+    assert in_task.safety.pairs == asked.pairs

@@ -99,6 +99,16 @@ def test_an_arm_takes_objects_with_its_own_hand(of):
     assert {step.arm for step in problem.task} == {of.get("arm", "")}
 
 
+def test_a_problem_with_a_tool_takes_up_a_pick():
+    """The tool frame of the problem is the tool, which its robot without the tool does not have."""
+    pen = op.Tool("pen", link="panda_hand", tcp=op.Pose((0, 0, 0.2)))
+    cube = op.Box("cube", size=(0.04, 0.04, 0.04), position=(0.5, 0, 0.02))
+    problem = op.Problem("panda", "ready", scene=[cube], tool=pen, task=op.Task().gripper("hand", [0.04]))
+    again = problem.with_task(op.Task().pick("cube"))
+    assert [step.action.link for step in again.task if step.kind == "attach"] == ["panda_hand"]
+    assert again.robot.tool_frame == "pen"
+
+
 def test_fingers_close_by_what_each_slides(tmp_path):
     """One by q, one by 2 q, and one that follows that: 4 q in all."""
     follower = LIMIT + '<mimic joint="{}" multiplier="{}"/>'
@@ -108,7 +118,7 @@ def test_fingers_close_by_what_each_slides(tmp_path):
     robot = op.load_robot(write_robot(tmp_path, parts, "groups: {arm: [j], hand: [f]}\ntool_frame: b\n"))
     text = "scene: {obstacles: [{name: cube, shape: {box: [0.4, 0.4, 0.5]}}]}\n"
     text += "task: [{pick: {object: cube, grasps: [{position: [0, 0, 0]}]}}]\n"
-    document, issues = with_picks(parse_yaml(text, Path("p.yaml")), lambda: robot)
+    document, issues = with_picks(parse_yaml(text, Path("p.yaml")), lambda: (robot, robot.joint_names))
     assert issues == []
     attach, gripper = document.data["task"][1:3]
     assert gripper["gripper"]["joints"] == [0.1]
@@ -189,7 +199,7 @@ REFUSED = {
         "move: {configuration: ready}",
         "move: {region: {in: belt, position: [0, 0, 0.2], rpy_deg: [180, 0, 0], along: {y: free}}}",
         16,
-        ": a region with no bound along y",
+        "move.region.along: a region with no bound along y",
     ),
     "no fingers": ("object: cube, from", "object: cube, hand: arm, from", 13, "group of fingers"),
     "a line in the world": ("by: [0.05, 0, 0], in: belt", "pose: {position: [0.5, 0, 0.3]}", 14, "a pose in the world"),

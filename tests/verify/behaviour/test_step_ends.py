@@ -11,7 +11,7 @@ from optiplan.problem.problem import derived
 from optiplan.problem.seams.actions import PathEvent, SeamPath
 from optiplan.problem.seams.building import SeamShape
 from optiplan.problem.task.steps import TaskStep
-from optiplan.problem.task.timeline import mismatch, scene_parts
+from optiplan.problem.task.timeline import mismatch, proved_parts, scene_parts
 from optiplan.problem.task.tour_steps import in_order
 from optiplan.robot.frames import frame_pose
 from optiplan.trajectory.joining import standstill
@@ -93,3 +93,16 @@ def test_a_part_without_an_end_asks_for_the_whole_distance(planar):
     (part,) = scene_parts(asked, motion)
     assert collision(part.problem, motion, VerifyPolicy()).passed
     assert not collision(asked, motion, VerifyPolicy()).passed
+
+
+def test_an_end_stays_one_while_the_arm_stands_there(planar):
+    """What is released after a pause is as near as the end of the move before lets it be."""
+    held = op.Sphere("held", 0.02, position=(0.1, 0, 0)).attached_to("tool")
+    task = op.Task().move([1.0, BEND]).dwell(0.5).detach("held")
+    problem = op.Problem(planar, [0.0, BEND], scene=op.Scene(attached=[held], safety=0.005), task=task)
+    pieces = [[[0.0, BEND], [1.0, 0.0]], [[1.0, BEND], [0.0, 0.0]]]
+    motion = Trajectory(planar.joint_names, np.array([0.0, 1.0, 1.5]), np.array(pieces))
+    steps = [("move", 0.0, 1.0), ("dwell", 1.0, 1.5), ("detach", 1.5, 1.5)]
+    segments = tuple(Segment(k, kind, "", *bounds) for k, (kind, *bounds) in enumerate(steps, 1))
+    last = proved_parts(problem, replace(motion, segments=segments))[-1]
+    assert [q.tolist() for q in last.problem.scene.safety.ends] == [[1.0, BEND]]

@@ -19,7 +19,6 @@ from optiplan.planners.task.planned_steps import PlannedStep, object_and_link
 from optiplan.planners.task.rides.meeting import MeetingSearch
 from optiplan.planners.task.rides.riding import TimedPart, free_in_time, until_end
 from optiplan.planners.task.stages import WorldState
-from optiplan.problem.constraints.base import WHOLE
 from optiplan.problem.problem import Problem, derived
 from optiplan.problem.task.rides import WaitUntil
 from optiplan.problem.task.scene_change import scene_after
@@ -79,9 +78,6 @@ class TaskInTime:
     def run(self) -> PlanResult:
         """Return the motion of the whole task."""
         watch = Stopwatch()
-        if any(tuple(one.during) != WHOLE for one in self.problem.path_constraints):
-            words = "constraints on a part of a task that goes with what moves are not held"
-            return PlanResult(None, Failure("unsupported", words))
         state, t = WorldState(self.problem.start, self.problem.scene), 0.0
         motions, segments = list[Trajectory](), list[Segment]()
         moving = False
