@@ -224,8 +224,6 @@ class Executor(LawFollower):
             found = self._blocked(self._way)
         if found is not None and TOO_LATE not in self._reason:
             self._reason += f"; {TOO_LATE}" if self._reason else TOO_LATE
-        if self._held == "waiting" and self._next is None and self._planning is not None and not self._backwards:
-            self._planning.seek(self._law, self.time, self.state_in, self._scene)
 
     def _avoid(self) -> None:
         """Follow a law that is clear until the robot stands still, or stop now."""
@@ -240,15 +238,18 @@ class Executor(LawFollower):
             self._wanted, self._pending = 0.0, False
 
     def _accept(self, planning: PlanningProcess) -> None:
-        """Let a path of the policy take over, if it came in time and is clear."""
+        """Let a path of the policy take over, if it came in time and is clear; ask for one until there is one."""
         if planning.lost:
             self._planning = None
             self.stop("the planning process has ended")
             return
         coming = planning.answer(self._law, self.time)
-        if coming is None or self._held != "waiting" or self._next is not None:
+        if self._held != "waiting" or self._next is not None:
             return
-        self._next = None if self._blocked_next(coming, self._policy.spare) else coming
+        if coming is not None and not self._blocked_next(coming, self._policy.spare):
+            self._next = coming
+        elif not self._backwards:
+            planning.seek(self._law, self.time, self._state_at, self._scene)
 
     def state_in(self, latency: float) -> State:
         """Return the state of the robot `latency` s from now, if nothing is changed until then.
@@ -294,12 +295,12 @@ class Executor(LawFollower):
             events += self._events.by(place)
         return events
 
-    def splice(self, run: Run | ProvedPath) -> bool:
+    def splice(self, run: Run | SceneWatch) -> bool:
         """Let another verified run take over where it begins: in a state that `state_in` returned.
 
         Position, velocity and acceleration are continuous there. Where the run comes too late, where it is not
         verified, or where the speed is changed between the prediction of its state and its begin, the robot stops along
-        its path instead. A `ProvedPath` of the run, made before, takes no time here.
+        its path instead. What `prepare_path` made of the run takes no time here.
 
         Returns:
             Whether the run takes over.
@@ -307,12 +308,14 @@ class Executor(LawFollower):
         states = [(then, state) for then, state, law in self._predicted if law is self._law]
         standing = self._state_at(self.time) if self._rests else None
         beside = self._people is not None
-        found = spliced_path(run, self.run, states, standing, self.time, self._policy, at_rest_only=beside)
+        watch = run if isinstance(run, SceneWatch) else None
+        given: Run | ProvedPath = run.path if isinstance(run, SceneWatch) else run
+        found = spliced_path(given, self.run, states, standing, self.time, self._policy, at_rest_only=beside)
         if isinstance(found, str):
             self.stop(found)
             return False
         self._tracking.prepare(found.path)
-        coming = found._replace(watch=self._scene.watch_over(found.path))
+        coming = found._replace(watch=watch or self._scene.watch_over(found.path))
         fault = self._misfit(coming)
         if fault:
             self.stop(fault)
@@ -359,15 +362,15 @@ class Executor(LawFollower):
             if stretch is not None:
                 self._scene.prepare(stretch, at_once=True)
 
-    def prepare_path(self, path: ProvedPath) -> None:
-        """Make what `splice` needs of a path, from any thread, which takes milliseconds; else `splice` does."""
+    def prepare_path(self, path: ProvedPath) -> SceneWatch:
+        """Return what `splice` needs of a path, from any thread, which takes milliseconds; else `splice` makes it."""
         self._tracking.prepare(path)
-        self._scene.watch_over(path, at_once=True)
+        return self._scene.watch_over(path, at_once=True)
 
     def close(self) -> None:
         """Leave the process that plans, if the policy has one, to the next run; else it ends with the executor."""
-        if self._planning is not None:
-            self._planning = None
+        self._planning = None
+        if self._policy.reaction == "replan":
             self._leave()
 
     @property

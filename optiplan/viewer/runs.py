@@ -1,6 +1,7 @@
 """Data of one run for the page: sampled motion, verdict in words, and place of the failure."""
 
 from collections.abc import Mapping, Sequence
+from itertools import count
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -71,10 +72,12 @@ def distinct_labels(labels: Sequence[str], *details: Sequence[str]) -> list[str]
             alike.setdefault(label, set()).add(word)
         pairs = zip(found, words, strict=True)
         found = [f"{label} ({word})" if len(alike[label]) > 1 else label for label, word in pairs]
-    numbers = [found[:k].count(label) + 1 for k, label in enumerate(found)]
-    return [
-        f"{label} ({number})" if found.count(label) > 1 else label for label, number in zip(found, numbers, strict=True)
-    ]
+    taken, again = set(found), {label for label in found if found.count(label) > 1}
+    for k, label in enumerate(found):
+        if label in again:
+            found[k] = next(name for n in count(1) if (name := f"{label} ({n})") not in taken)
+            taken.add(found[k])
+    return found
 
 
 RunLike = ViewedRun | tuple[str, Trajectory | None, Mapping[str, Any] | None]

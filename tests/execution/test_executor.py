@@ -8,7 +8,7 @@ import pytest
 
 import optiplan as op
 from optiplan.problem.problem import derived
-from optiplan.problem.task.timeline import final_scene, scene_parts
+from optiplan.problem.task.timeline import part_of_last_event, scene_parts
 
 DT = 1e-3
 
@@ -240,7 +240,7 @@ def test_what_is_in_hand_at_the_ends_of_a_task_is_what_its_events_there_left():
     assert not executor.splice(op.plan(holding, budget=1.0))
     assert "begins with cube in hand; the robot will hold nothing" in executor.status.reason
     executor.resume()
-    placed = final_scene(first.problem, first.trajectory).obstacles[0]
+    placed = part_of_last_event(first.problem, first.trajectory).problem.scene.obstacles[0]
     again = carried(q, UR5, placed)
     assert executor.splice(again)
     done = executed(executor, lambda *_: None)

@@ -144,6 +144,12 @@ def test_bad_input_names_line_and_field(file, case):
         read_control(file(wrong(STEP, old, new)))
 
 
+def test_a_file_may_hold_keys_without_effect_at_their_defaults(file):
+    text = wrong(STEP, "computed_torque: {frequency: 5}", "task_space: {frequency: 10, damping: 1, position_cost: 1}")
+    plant = "{engine: ideal, payload: null, rotor_inertia: 0, friction: {viscous: 0}}"
+    assert read_control(file(f"{text}plant: {plant}\ndisturbances: []\n")).spec.plant.engine == "ideal"
+
+
 LATER = {
     "no such run": (
         "step: {joint: shoulder, by: 0.1, lasting: 0.3}",

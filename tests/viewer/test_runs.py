@@ -8,7 +8,7 @@ import optiplan as op
 from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import JointGoal, derived
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.viewer.runs import RATE, Poses, ViewedRun, run_for_page
+from optiplan.viewer.runs import RATE, Poses, ViewedRun, distinct_labels, run_for_page
 from tests.unchecked_problem import unchecked_problem
 
 WITNESS = {"proved_clearance": 0.0123, "met_clearance": 0.0145}
@@ -139,3 +139,9 @@ def test_no_bound_is_shown_of_a_path_whose_speed_is_stated():
         assert run.verified
         facts = run_for_page(run.problem, Poses(run.problem), ViewedRun("led", run.trajectory, REPORT))["facts"]
         assert any("bound" in name for name, _ in facts) is shown
+
+
+@pytest.mark.parametrize("labels", [["a", "a", "a (1)"], ["a", "a", "a (1)", "a (1)"], ["a (2)", "a", "a"]])
+def test_no_two_labels_are_alike(labels):
+    assert len(set(distinct_labels(labels))) == len(labels)
+    assert distinct_labels(["a", "b", "a"]) == ["a (1)", "b", "a (2)"]

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from optiplan.arrays import is_finite, number_argument
+from optiplan.arrays import Array, is_finite, number_argument
 from optiplan.cores import keeping_time
 from optiplan.errors import described, whole_argument, wrong_argument
 from optiplan.execution.arguments import LONGEST_TICK, numbers
@@ -22,6 +22,7 @@ from optiplan.execution.loop.driver_checks import checked_capabilities, in_words
 from optiplan.execution.loop.tick_loop import KEPT_LATENESS, PATIENCE, MonotonicClock, TickClock, TickLoop
 from optiplan.execution.measurement import Measurement
 from optiplan.execution.paths.proved_path import AT_REST, ProvedPath
+from optiplan.execution.scene.scene_watch import SceneWatch
 from optiplan.execution.scene.seen_scene import SceneUpdate
 from optiplan.geometry.pose import Values
 from optiplan.runs.run import Run
@@ -185,12 +186,10 @@ class Execution:
 
     def splice(self, run: Run) -> bool:
         """Let another verified run take over; see `Executor.splice`. Its path is prepared in the calling thread."""
-        given: Run | ProvedPath = run
+        given: Run | SceneWatch = run
         if isinstance(run, Run) and run.verified:
             with suppress(Exception):  # the executor finds the same, and stops with the reason
-                path = ProvedPath(run, "Execution.splice")
-                self._executor.prepare_path(path)
-                given = path
+                given = self._executor.prepare_path(ProvedPath(run, "Execution.splice"))
         return bool(self._ask(lambda: self._executor.splice(given)))
 
     def subscribe(self, callback: Callable[[dict[str, Any]], None]) -> Callable[[], None]:
@@ -215,9 +214,8 @@ class Execution:
 
         `t` since the first tick, s; `phase`, `place`, `duration`, `progress`, `speed`, `override`, `reason`,
         `deviation`, `blocked_by` of the status (`op.Status`); `q`, `v` the last set-point and `measured` the last
-        positions, lists or None; `age` of these, s; `events` done; `missed` ticks; `longest` time between two, s;
-        `driver` and `rate`.
-        `over` says whether it has ended.
+        positions, lists or None, both in the turns of the motion; `age` of these, s; `events` done; `missed` ticks;
+        `longest` time between two, s; `driver` and `rate`. `over` says whether it has ended.
         """
         loop, tick = self._loop, self._loop.tick
         status = self._executor.status if tick is None else tick.status
@@ -235,7 +233,7 @@ class Execution:
             "blocked_by": status.blocked_by and list(status.blocked_by),
             "q": None if tick is None else tick.q.tolist(),
             "v": None if tick is None else tick.v.tolist(),
-            "measured": None if seen is None else _finite(seen.q),
+            "measured": None if seen is None else _finite(seen.q, loop.turns),
             "age": float(seen.age) if seen is not None and is_finite(seen.age) else None,
             "events": [one.to_data() for one in list(loop.events)],
             "missed": loop.missed,
@@ -403,6 +401,9 @@ def _is_fresh(found: Measurement | None) -> bool:
     return found is not None and is_finite(found.age) and found.age < FRESH
 
 
-def _finite(q: Any) -> list[float | None]:
-    """Return positions for JSON, which has no NaN."""
-    return [float(x) if is_finite(x) else None for x in np.ravel(numbers(q))]
+def _finite(q: Any, turns: Array | None) -> list[float | None]:
+    """Return positions for JSON, which has no NaN, without the whole turns (n,), rad, that the robot is farther."""
+    found = np.ravel(numbers(q))
+    if turns is not None and found.shape == turns.shape:
+        found = found - turns
+    return [float(x) if is_finite(x) else None for x in found]

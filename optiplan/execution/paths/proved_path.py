@@ -16,8 +16,7 @@ from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.motions import ToolAcceleration
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.rides import WaitUntil
-from optiplan.problem.task.scene_change import carrying
-from optiplan.problem.task.timeline import final_scene, scene_parts
+from optiplan.problem.task.timeline import part_of_last_event, scene_parts
 from optiplan.runs.run import Run
 from optiplan.trajectory.segments import EVENTS, Segment
 from optiplan.trajectory.trajectory import Trajectory
@@ -107,9 +106,10 @@ class ProvedPath:
             raise wrong_argument(called, "run", found, "a motion at whose end the robot stands still")
         self.parts = scene_parts(problem, self.motion)
         loads = [Load(part.begin, part.end, part.problem.robot) for part in self.parts]
-        self._last, end = final_scene(problem, self.motion), self.motion.duration
-        if held_in(self._last) != held_in(self.parts[-1].problem.scene):  # something is taken or released at the end
-            loads.append(Load(end, end, carrying(problem.robot, self._last)))
+        last, end = part_of_last_event(problem, self.motion), self.motion.duration
+        if last is not None:
+            loads.append(Load(end, end, last.problem.robot))
+        self._last = (last or self.parts[-1]).problem.scene
         # files may place an event at the end a rounding behind it
         events = (one for one in self.motion.segments if one.kind in EVENTS)
         self.events: tuple[Segment, ...] = tuple(

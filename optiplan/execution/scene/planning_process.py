@@ -9,7 +9,7 @@ from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING
 
 from optiplan.cores import OneThreadContext
-from optiplan.errors import OptiPlanError, wrong_argument
+from optiplan.errors import OptiPlanError, named_reason, wrong_argument
 from optiplan.execution.paths.next_path import NextPath
 from optiplan.execution.paths.proved_path import ProvedPath
 from optiplan.execution.scene.planning_worker import (
@@ -78,7 +78,8 @@ class PlanningProcess:
     def __init__(self) -> None:
         self._done: deque[PlannedPath] = deque()
         self._asked: tuple[PlannedPath, ReplanRequest] | None = None
-        self._ready, self._sending, self.lost, self.number, self._last = Event(), Lock(), False, 0, 0
+        self._ready, self._sending, self.lost = Event(), Lock(), False
+        self.number = self._last = self._heard = 0  # the last first motion that the process has heard of
         context = OneThreadContext()
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=serve, args=(theirs,), daemon=True)
@@ -144,15 +145,19 @@ class PlanningProcess:
         with self._sending:
             if first.number != self._first:  # the robot follows another one already
                 return
-            try:
-                self._pipe.send(first)
-            except Exception:  # whatever it is, there is nobody to plan any more
-                self.lost = True
-                self._ready.set()
+            self._post(first)
 
-    def seek(self, law: "TimeLaw", now: float, state_in: Callable[[float], State], scene: SeenScene) -> None:
+    def _post(self, message: FirstMotion | ReplanRequest) -> None:
+        try:
+            self._pipe.send(message)
+        except Exception as error:  # whatever it is, the robot must not wait for an answer
+            _log.warning("nothing can be sent to the planning process: %s", named_reason(error))
+            self.lost = True
+            self._ready.set()
+
+    def seek(self, law: "TimeLaw", now: float, state_at: Callable[[float], State], scene: SeenScene) -> None:
         """Ask for a path from the state in which a law will be after the latency, unless an answer is still to come."""
-        if self._asked is not None or not self._ready.is_set():
+        if self._asked is not None or self._heard != self._first:
             return
         latency = self._policy.latency
         then, rests = now + latency, law.target == 0.0 and law.settled <= now + latency
@@ -162,12 +167,9 @@ class PlanningProcess:
         apart = None
         if self._watch.margin > self._watch.asked:
             apart = SafePairs(("*",), scene.names, self._watch.margin + ROOM)
-        request = ReplanRequest(self._last, self.number, state_in(latency), scene.at(then), margin, seconds, apart)
+        request = ReplanRequest(self._last, self.number, state_at(then), scene.at(then), margin, seconds, apart)
         self._asked = PlannedPath(then, law, now, self._last), request
-        try:
-            self._pipe.send(request)
-        except Exception:  # whatever it is, the robot must not wait for an answer
-            self.lost = True
+        self._post(request)
 
     def answer(self, law: "TimeLaw", now: float) -> NextPath | None:
         """Return the path that was asked for, once it is there, if the robot can still take it from the law."""
@@ -205,6 +207,7 @@ class PlanningProcess:
                 if asked is not None and asked[0].number == reply.number:
                     self._done.append(self._prepared(*asked, reply))
                 elif reply.number == self._first:
+                    self._heard = reply.number  # even if the robot follows another one since: then nothing is asked
                     self._ready.set()
         except (EOFError, OSError):  # the process has ended
             pass

@@ -88,8 +88,7 @@ class SceneWatch:
     """
 
     def __init__(self, path: ProvedPath, margin: float, linger: float = 0.0) -> None:
-        self._path, self.margin, self._linger = path, margin, linger
-        self._next: SceneWatch | None = None
+        self.path, self.margin, self._linger = path, margin, linger
         safety = path.run.problem.scene.safety
         self.asked = 0.0 if safety is None else max(safety.scene, *(one.at_least for one in safety.pairs), 0.0)
         self._watches: WeakKeyDictionary[PathStretch, list[_PartWatch]] = WeakKeyDictionary()
@@ -97,7 +96,7 @@ class SceneWatch:
     @property
     def scene(self) -> Scene:
         """The scene of the run."""
-        return self._path.run.problem.scene
+        return self.path.run.problem.scene
 
     def blocked(
         self, stretch: PathStretch, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], spare: float = 0.0
@@ -121,12 +120,12 @@ class SceneWatch:
         """Whether the run was proved with an obstacle where it was seen and stands, all along."""
         if seen.spread > 0.0 or seen.velocity.any():
             return False
-        stands = [[one for one in part.problem.scene.obstacles if one.name == seen.name] for part in self._path.parts]
+        stands = [[one for one in part.problem.scene.obstacles if one.name == seen.name] for part in self.path.parts]
         return all(len(found) == 1 and is_at(found[0], seen) for found in stands)
 
     def standing(self, place: float, now: float) -> list[SeenObstacle]:
         """Return the obstacles of the run as they stand when the robot is at a place of the path, s."""
-        part = next(part for part in reversed(self._path.parts) if part.begin <= place or part is self._path.parts[0])
+        part = next(part for part in reversed(self.path.parts) if part.begin <= place or part is self.path.parts[0])
         known = part.problem.scene.obstacles
         return [SeenObstacle(one.name, one.shape, one.X_WO, np.zeros(3), 0.0, now) for one in known]
 
@@ -155,11 +154,8 @@ class SceneWatch:
         return least
 
     def over(self, path: ProvedPath) -> "SceneWatch":
-        """Return the same of another path: the one that was made of it before, if that was the last."""
-        made = self._next
-        if made is None or made._path is not path:
-            made = self._next = SceneWatch(path, self.margin, self._linger)
-        return made
+        """Return the same of another path."""
+        return SceneWatch(path, self.margin, self._linger)
 
     def prepare(self, stretch: PathStretch) -> None:
         """Make what a stretch needs, which takes milliseconds, before the first question about it."""
@@ -171,7 +167,7 @@ class SceneWatch:
             motion, found = stretch.laws.motion, list[_PartWatch]()
             if stretch.model is not None:
                 found.append(_PartWatch(_without_floors(stretch.model), motion, 0.0, []))
-            for part in self._path.parts:
+            for part in self.path.parts:
                 begin, end = sorted(stretch.direction * (place - stretch.start) for place in (part.begin, part.end))
                 begin, end = max(begin, 0.0), min(end, motion.duration)
                 if end > begin:

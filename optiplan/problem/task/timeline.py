@@ -237,17 +237,6 @@ def steps_in_time(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[Ta
             scene = scene_after(scene, step.action, problem.robot, trajectory(end), end)
 
 
-def final_scene(problem: Problem, trajectory: Trajectory) -> Scene:
-    """Return the scene after a motion, changed also by what is done at its end."""
-    rows = list(steps_in_time(problem, trajectory))
-    if not rows:
-        return problem.scene
-    step, scene, _, end = rows[-1]
-    if isinstance(step.action, Event):
-        scene = scene_after(scene, step.action, problem.robot, trajectory(end), end)
-    return scene
-
-
 def _parts_of_arms(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
     """Return the parts of a motion of several arms: between events, and where what may touch changes."""
     rows = list(steps_in_time(problem, trajectory))

@@ -3,7 +3,7 @@
 // A draft is {id, text, at, opened}: `at` in ms, `opened` the text that it began from.
 const Drafts = (() => {
   const KEY = "optiplan.draft", MOST = 10;
-  let id = crypto.getRandomValues(new Uint32Array(2)).join("-");
+  const id = crypto.getRandomValues(new Uint32Array(2)).join("-");
 
   // The drafts of this browser, the newest first; none where it keeps nothing.
   function all() {
@@ -26,15 +26,14 @@ const Drafts = (() => {
     return kept;
   }
 
-  // The draft that this tab left; null for none.
-  function left() {
-    let mine = null;
-    try { mine = sessionStorage.getItem(KEY); } catch { /* it keeps nothing */ }
-    return all().find((one) => one.id === mine) || null;
+  // The draft that this tab left, with the id of this page, since a tab that was doubled left it to two; null for none.
+  function take() {
+    try {
+      const left = all().find((one) => one.id === sessionStorage.getItem(KEY)), mine = left && { ...left, id };
+      if (mine && write([mine, ...others(left.id)])) sessionStorage.setItem(KEY, id);
+      return mine || null;
+    } catch { return null; }
   }
 
-  // This page goes on with a draft that no other tab writes.
-  function take(draft) { id = draft.id; }
-
-  return { all, keep, drop, left, take };
+  return { all, keep, drop, take };
 })();

@@ -349,14 +349,12 @@
     Object.assign(names, { planners: planners.map(({ name }) => name), robots: robots.map(({ name }) => name) });
     byId("example").append(...Object.keys(examples).map((name) => make("option", { value: name, textContent: name })));
     byId("planner").append(...names.planners.map((name) => make("option", { value: name, textContent: name })));
-    const named = await Page.named(), mine = Drafts.left(), kept = mine || Drafts.all()[0], when = ({ at }) => new Date(at).toLocaleString();
-    if (named === null && kept) {
-      if (mine) Drafts.take(mine);
-      resume(kept, false);
-    } else open(named || examples["02_shelf"], false);
+    const named = await Page.named(), mine = named === null ? Drafts.take() : null, kept = mine || Drafts.all()[0], when = ({ at }) => new Date(at).toLocaleString();
+    if (named === null && kept) resume(kept, false);
+    else open(named || examples["02_shelf"], false);
     const others = Drafts.all().filter((one) => one.text !== editor.text()), offers = others.map((one) => [`Open that of ${when(one)}`, () => resume(one, true)]);
     if (others.length) offers.push(["Forget the others", () => confirm("Forget the other drafts? They cannot be brought back.") && others.forEach(Drafts.drop)]);
-    if (named === null && kept) notice(`Your draft of ${when(kept)}.`, ["Begin anew", () => { Drafts.drop(kept); open(examples["02_shelf"], true); }], ...offers);
+    if (named === null && kept) notice(`Your draft of ${when(kept)}.`, ["Begin anew", () => { if (mine) Drafts.drop(mine); open(examples["02_shelf"], true); }], ...offers);
     else if (others.length) notice("This browser keeps drafts of yours.", ...offers);
   }
   byId("joints").open = byId("chosen").open = innerWidth > 760; // else they hide the scene

@@ -204,7 +204,7 @@ def _fits(control: ControlFile) -> list[Issue]:
 
 
 def _without_effect(control: ControlFile) -> list[Issue]:
-    """Keys that would be ignored beside others."""
+    """Keys that would be ignored beside others; their defaults may stand there, as in files that hold every key."""
     spec, ignored = control.spec, dict[Place, str]()
     task_space, reference = spec.controller.task_space, spec.reference.kind
     if task_space is not None and task_space.feedback == "measured":
@@ -213,12 +213,20 @@ def _without_effect(control: ControlFile) -> list[Issue]:
         ignored |= dict.fromkeys((*_DYNAMICS, *_FOLLOWING), "engine: ideal, which follows every command exactly")
     if reference not in _TOOL:
         ignored |= dict.fromkeys(_COSTS, f"the reference '{reference}', which is of the joints")
-    document = control.document
     return [
-        document.issue(place, f"a key without effect beside {beside}", "no such key")
+        control.document.issue(place, f"a key without effect beside {beside}", "no such key")
         for place, beside in ignored.items()
-        if document.place(place) == place
+        if _changed(spec, place)
     ]
+
+
+def _changed(spec: ControlSpec, place: Place) -> bool:
+    """Whether a value is another than it is without the key."""
+    owner: Any = spec
+    *parents, key = map(str, place)
+    for parent in parents:
+        owner = getattr(owner, parent)
+    return owner is not None and bool(getattr(owner, key) != type(owner).model_fields[key].default)
 
 
 def _dynamics(control: ControlFile) -> list[Issue]:

@@ -105,6 +105,7 @@ def test_another_motion_takes_over(run, slow):
 
 
 def test_the_thread_of_set_points_prepares_nothing_of_another_motion(run, monkeypatch):
+    """Not even where a third one is prepared meanwhile."""
     names = []
 
     def noted(call):
@@ -118,6 +119,8 @@ def test_the_thread_of_set_points_prepares_nothing_of_another_motion(run, monkey
     monkeypatch.setattr(scene_watch, "_PartWatch", noted(scene_watch._PartWatch))
     robot = FollowingRobot(run, rate=100.0, clock=SetClock(pause=0.005))
     executor = op.Executor(run, tracking=op.TrackingPolicy(least_clearance=0.0))
+    prepare, third = executor.prepare_path, proved_path.ProvedPath(run, "test")
+    monkeypatch.setattr(executor, "prepare_path", lambda path: (prepare(path), prepare(third))[0])
     execution = op.Execution(executor, robot, clock=robot.clock)
     execution.update_scene({"ball": op.Sphere("ball", 0.05, position=(2.0, 0.0, 0.5))})
     execution.start()
@@ -289,6 +292,7 @@ def test_an_endless_joint_goes_on_in_the_turn_in_which_it_stands(endless_run, tu
     for tick in robot.ticks:
         assert tick.ahead is None or abs(tick.ahead.q - tick.q).max() < 1.5
     assert found["q"] == pytest.approx([1.5])
+    assert found["measured"] == pytest.approx([1.5], abs=0.01)
 
 
 def test_a_joint_with_limits_is_not_taken_for_one_in_another_turn(run):

@@ -1,6 +1,8 @@
 """The policy `replan`: another motion takes over in time, or the robot takes its proved stop."""
 
 from dataclasses import replace
+from threading import Event
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -60,15 +62,45 @@ def test_another_motion_keeps_the_clearance_of_the_executor(run):
     assert least > 0.04
 
 
-def test_a_process_that_ends_stops_the_robot(run):
+def test_a_process_that_gets_no_motion_stops_the_robot_and_ends(run, caplog):
     executor = op.Executor(run, policy="replan")
     for _ in range(100):
         executor.tick(DT)
-    executor._planning.close()
+    planning = executor._planning
+    planning._pipe = SimpleNamespace(send=lambda message: 1 / 0)
+    planning.follow(run, executor._scene.watch)
+    wait_until(lambda: planning.lost)
     for _ in range(5):
         tick = executor.tick(DT)
     assert tick.status.phase == "stopping"
     assert "process" in tick.status.reason
+    assert "nothing can be sent to the planning process: ZeroDivisionError" in caplog.text
+    executor.close()
+    assert not planning._process.is_alive()
+
+
+def test_a_reply_to_an_older_motion_does_not_let_it_ask(run):
+    executor, done = op.Executor(run, policy="replan"), Event()
+    planning = executor._planning
+
+    class Overtaken(Event):
+        """The robot follows another motion just before this is set; the process does not get that yet."""
+
+        def set(self):
+            if not done.is_set():
+                planning._sending.acquire()
+                planning.follow(run, executor._scene.watch)
+            super().set()
+            done.set()
+
+    planning._ready = Overtaken()
+    planning.follow(run, executor._scene.watch)
+    wait_until(done.is_set)
+    planning.seek(executor._law, 0.0, executor._state_at, executor._scene)
+    asked = planning._asked
+    planning._sending.release()
+    executor.close()
+    assert asked is None
 
 
 def test_after_a_splice_it_plans_to_the_goal_of_that_run(run):
@@ -79,13 +111,14 @@ def test_after_a_splice_it_plans_to_the_goal_of_that_run(run):
     goal = op.JointGoal(run.trajectory.end + np.array([0.5, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0]))
     second = op.plan(run.problem.with_goal(goal).with_start(executor.state_in(0.05)), budget=1.0)
     assert executor.splice(second)
-    while executor.run is not second:
-        executor.tick(DT)
     position = tuple(run.problem.robot.fk(second.trajectory(0.7 * second.duration)).matrix[:3, 3])
+    with planning._sending:  # the process does not know the run yet when the only update comes
+        while executor.run is not second:
+            executor.tick(DT)
+        executor.update_scene({"ball": op.Sphere("ball", 0.06, position=position)})
     assert planning._ready.wait(20.0)
     for k in range(6000):
         if k % 20 == 0:
-            executor.update_scene({"ball": op.Sphere("ball", 0.06, position=position)})
             wait_until(lambda: planning._asked is None or planning._done)
         tick = executor.tick(DT)
         if tick.status.phase == "done":

@@ -279,6 +279,29 @@ def test_drafts_of_several_problems_are_kept(page, server):
     page.wait_for_selector("#issues .fine")
 
 
+@wide
+def test_each_tab_has_a_draft_of_its_own(page, server):
+    """A tab that a page opens begins with a copy of its session, as one that the user doubles."""
+    begins = "words => window.optiplanStudio && optiplanStudio.editor.text().startsWith(words)"
+    open_studio(page, server)
+    page.evaluate(TYPED, "# mine")
+    with page.expect_popup() as opened:
+        page.evaluate("() => { open(location.href); }")
+    other = opened.value
+    other.wait_for_function(begins, arg="# mine")
+    for tab, words in ((page, "# one"), (other, "# two")):
+        tab.evaluate(TYPED, words)
+    for tab, words in ((other, "# two"), (page, "# one")):
+        tab.reload()
+        tab.wait_for_function(begins, arg=words)
+    other.evaluate("sessionStorage.clear()")
+    other.reload()
+    other.wait_for_function(begins, arg="# one")  # the newest draft
+    other.locator("#notice button", has_text="Begin anew").click()
+    page.reload()
+    page.wait_for_function(begins, arg="# one")
+
+
 FULL = """() => {
   Storage.prototype.setItem = () => { throw new Error("full"); };
   optiplanStudio.editor.replace("name: 3");
