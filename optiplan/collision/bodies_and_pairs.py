@@ -8,10 +8,15 @@ import pinocchio as pin
 
 from optiplan.arrays import Array, Flags, Index
 from optiplan.geometry.coal_queries import exact_distance_request
+from optiplan.geometry.safety import Safety
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.geometry.shapes import build_geometry
+from optiplan.robot.loaded_robots import once_for_each
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_bounds import LocalBox
+from optiplan.robot.self_collision.pair_proof import GAP
+from optiplan.robot.self_collision.pairs import PROVED
+from optiplan.robot.urdf.srdf import LinkPair
 
 STANDING_OVERLAP = 5e-3
 """Depth, m, to which a link that no joint moves may be sunk into an obstacle that it stands on.
@@ -74,6 +79,33 @@ def pairs_of(
     kept += [(a, b) for a, b in beside if parents[b] != 0]
     standing = [(a, b) for a, b in beside if parents[b] == 0]
     return kept, np.array(standing, dtype=np.intp).reshape(-1, 2)
+
+
+def with_asked_checked(safety: Safety | None, robot: Robot) -> Robot:
+    """Return the robot with pairs of links checked that are proved apart, and that are to be farther apart than that.
+
+    They are those that the safety names, and those of two arms. Others are left to their proof: an arm is built so.
+    """
+    if safety is None:
+        return robot
+    known = _known_checked(robot)
+    required = safety.own, *((tuple(one.of), tuple(one.others), one.at_least) for one in safety.pairs)
+    if required not in known:
+        asked = [pair for pair, why in robot.allowed.items() if why == PROVED and _more_than_proved(safety, pair)]
+        known[required] = robot.with_proved_checked(asked) if asked else None
+    return known[required] or robot
+
+
+@once_for_each
+def _known_checked(robot: Robot) -> dict[tuple[object, ...], Robot | None]:
+    """Return a robot with more pairs checked, by the distances required: models are kept for the same robot."""
+    return {}
+
+
+def _more_than_proved(safety: Safety, pair: LinkPair) -> bool:
+    arms = {link.partition("/")[0] if "/" in link else "" for link in pair}
+    named = len(arms) == 2 or any(group.holds(*pair) for group in safety.pairs)
+    return named and safety.asked(*pair, False) > GAP
 
 
 def same_scene(a: Scene, b: Scene) -> bool:

@@ -9,18 +9,15 @@ import numpy as np
 
 from optiplan import cache
 from optiplan.arrays import Array, Flags, Index, distinct
+from optiplan.collision.bodies_and_pairs import with_asked_checked
 from optiplan.collision.contacts import Pair
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.safety import BuiltNear, SafePairs, Safety
 from optiplan.geometry.scene import Scene
 from optiplan.robot.limits import UNBOUNDED
 from optiplan.robot.loaded_robots import once_for_each_robot
-from optiplan.robot.mounting import Mounting
 from optiplan.robot.robot import Robot
-from optiplan.robot.self_collision.pair_proof import GAP
 from optiplan.robot.self_collision.pair_survey import content_digest
-from optiplan.robot.self_collision.pairs import PROVED
-from optiplan.robot.urdf.srdf import LinkPair
 
 KEPT = 0.8
 """Share of its own distance that a pair keeps where it stands nearer than required."""
@@ -176,35 +173,6 @@ def measured(model: CollisionModel, q: Array, asked: Array, taken: Array) -> lis
     return found
 
 
-def with_asked_checked(safety: Safety | None, robot: Robot) -> Robot:
-    """Return the robot with pairs of links checked that are proved apart, and that are to be farther apart than that.
-
-    They are those that the safety names, and those of two arms. Others are left to their proof: an arm is built so.
-    """
-    if safety is None:
-        return robot
-    asked = frozenset(pair for pair, why in robot.allowed.items() if why == PROVED and _more_than_proved(safety, pair))
-    if not asked:
-        return robot
-    bare = robot.mounted(Mounting())
-    known = _known_checked(bare)
-    if asked not in known:
-        known[asked] = bare.with_proved_checked(asked)
-    return known[asked].mounted(robot.mounting)
-
-
-@once_for_each_robot
-def _known_checked(robot: Robot) -> dict[frozenset[LinkPair], Robot]:
-    """Return a robot with more pairs checked, by these pairs: a model of collisions is kept for the same robot."""
-    return {}
-
-
-def _more_than_proved(safety: Safety, pair: LinkPair) -> bool:
-    arms = {link.partition("/")[0] if "/" in link else "" for link in pair}
-    named = len(arms) == 2 or any(group.holds(*pair) for group in safety.pairs)
-    return named and safety.asked(*pair, False) > GAP
-
-
 def with_built(safety: Safety | None, robot: Robot) -> Safety | None:
     """Return what is required with the pairs of links that the robot's own structure holds nearer.
 
@@ -216,7 +184,7 @@ def with_built(safety: Safety | None, robot: Robot) -> Safety | None:
         return safety
     known, asked = _known_built(robot), (safety.own, safety.pairs)
     if asked not in known:
-        known[asked] = _kept_built(safety, robot)
+        known[asked] = _kept_built(safety, with_asked_checked(safety, robot))
     return replace(safety, built=known[asked])
 
 

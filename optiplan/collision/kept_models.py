@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.collision.bodies_and_pairs import same_scene
+from optiplan.collision.bodies_and_pairs import same_scene, with_asked_checked
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.safety import Safety
 from optiplan.geometry.scene import Scene
@@ -27,6 +27,7 @@ def collision_model(robot: Robot, scene: Scene) -> CollisionModel:
     Loading a problem and proving its motions use the same model. If only obstacles have moved since the last scene, the
     model keeps all parts that do not depend on their places.
     """
+    robot = with_asked_checked(scene.safety, robot)
     models: list[CollisionModel] = getattr(_kept, "models", [])
     found = next((model for model in models if _is_of(model, robot, scene)), None)
     if found is None:
@@ -44,6 +45,7 @@ def kept_planning_model(robot: Robot, scene: Scene, error: Array | None = None) 
     """
     from optiplan.collision.native_model import planning_model  # here: the verifier must not load the core
 
+    robot = with_asked_checked(scene.safety, robot)
     models: list[CollisionModel] = getattr(_kept, "planning", [])
     asked = error if error is not None and error.any() else None
     alike = [model for model in models if _is_of(model, robot, scene) and _same(model.error, asked)]
@@ -61,6 +63,7 @@ def touching_model(robot: Robot, scene: Scene) -> CollisionModel:
     """
     from optiplan.collision.native_model import planning_model  # here: the verifier must not load the core
 
+    robot = with_asked_checked(scene.safety, robot)
     kept: list[tuple[Scene, CollisionModel]] = getattr(_kept, "touching", [])
     alike = ((known, model) for known, model in kept if model.robot is robot)
     found = next((model for known, model in alike if known is scene or same_scene(known, scene)), None)

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Flags, Index
-from optiplan.collision.bodies_and_pairs import bodies_of, only_moved, overlapping, pairs_of
+from optiplan.collision.bodies_and_pairs import bodies_of, only_moved, overlapping, pairs_of, with_asked_checked
 from optiplan.collision.contacts import Contact, Contacts, Pair, unit_normals
 from optiplan.collision.containment import Containment
 from optiplan.collision.geometry_model import geometry_of
@@ -29,9 +29,10 @@ class SameBodies:
 class CollisionModel:
     """A robot in a scene, with its own work space: use one object a thread.
 
-    Bodies are the robot's links, then attachments, then obstacles. The robot determines the checked pairs of links. A
-    link that no planned joint moves may stand on an obstacle, but not in it. Such a pair is measured once: if the two
-    overlap by more than `bodies_and_pairs.STANDING_OVERLAP`, it is among `pairs`, and no configuration is free.
+    Bodies are the robot's links, then attachments, then obstacles. The robot determines the checked pairs of links; the
+    safety of the scene adds those of `with_asked_checked`. A link that no planned joint moves may stand on an obstacle,
+    but not in it. Such a pair is measured once: if the two overlap by more than `bodies_and_pairs.STANDING_OVERLAP`, it
+    is among `pairs`, and no configuration is free.
 
     Attributes:
         geometry: the bodies; `names[i]` is the link, attachment or obstacle of body i.
@@ -47,7 +48,8 @@ class CollisionModel:
     """How far joints may be off; None where queries are about the very configuration: see `NativeCollisionModel`."""
 
     def __init__(self, robot: Robot, scene: Scene) -> None:
-        self.robot, self.scene, self.same_bodies = robot, scene, SameBodies()
+        self.robot = robot = with_asked_checked(scene.safety, robot)
+        self.scene, self.same_bodies = scene, SameBodies()
         self.motions = tuple(body.motion for body in scene.obstacles if body.motion is not None)
         self.model, self._carriers = with_obstacle_joints(robot.model, scene.dynamic_obstacles)
         self._moved = displacements(self.motions, np.zeros(1))[0]

@@ -108,7 +108,7 @@ class NativeCollisionModel(CollisionModel):
         self.floors = None if self.unknown else floors or floors_of(self, scene.safety, self.error)
         # Neighbours that never touch may come nearer than a floor asks.
         skipped = apart_neighbours if self.floors is None else passing_neighbours
-        never = frozenset() if passing or self.unknown else skipped(robot)
+        never = frozenset() if passing or self.unknown else skipped(self.robot)
         self.world = None if self.unknown else _world(self, [found for found in bodies if found is not None], never)
 
     def about_ends(self, *ends: Array) -> "NativeCollisionModel":

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optiplan.arrays import Array
-from optiplan.collision.floors import with_asked_checked, with_built
+from optiplan.collision.floors import with_built
 from optiplan.collision.kept_models import collision_model
 from optiplan.config.document import Document, validate
 from optiplan.config.messages import field_name
@@ -188,7 +188,7 @@ def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Mapping[
     spec, issues = _schema(document)
     compiler = Compiler(document, base, spec or document.data)
     robot = compiler.robot(robots)
-    scene, robot, unsafe = _with_safety(compiler, spec, robot)
+    scene, unsafe = _with_safety(compiler, spec, robot)
     parts = None if robot is None else _parts(compiler, without_tools(robot), scene)
     issues += [] if any(issue.field == "file" for issue in issues) else goal_or_task(document)
     issues += compiler.issues + (unsafe if robot is not None else [])
@@ -229,19 +229,15 @@ def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Mapping[
     }
 
 
-def _with_safety(
-    compiler: Compiler, spec: ProblemSpec | None, robot: Robot | None
-) -> tuple[Scene, Robot | None, list[Issue]]:
-    """Return the scene with the clearance that is required in it, the robot with its pairs, and what is wrong."""
+def _with_safety(compiler: Compiler, spec: ProblemSpec | None, robot: Robot | None) -> tuple[Scene, list[Issue]]:
+    """Return the scene with the clearance that is required in it, and what is wrong with that."""
     scene = compiler.scene(robot)
     tools = [body for _, name, tool in compiler.tools for body in tool.bodies_of(name)]
     links = () if robot is None else link_names(robot)
     clearance = None if spec is None else spec.clearance
     safety, unsafe = safety_of(compiler.document, clearance, scene, [*links, *tools], robot)
-    if robot is not None:
-        robot = with_asked_checked(safety, robot)
-        safety = with_built(safety, robot)
-    return scene if safety is None else replace(scene, safety=safety), robot, unsafe
+    safety = safety if robot is None else with_built(safety, robot)
+    return scene if safety is None else replace(scene, safety=safety), unsafe
 
 
 def _parts(compiler: Compiler, bare: Robot, stated: Scene) -> _ProblemParts:

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.collision.bodies_and_pairs import with_asked_checked
 from optiplan.collision.floors import Floors, floors_of
 from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
@@ -27,12 +28,13 @@ def checked_robot(problem: Problem, policy: VerifyPolicy) -> Robot:
     """Return the robot with all pairs checked that are not proved for this problem.
 
     A proof is about the robot's own limits of position and a little beyond, and proved pairs may be nearer than a
-    clearance asked for.
+    clearance asked for by the policy or by the problem.
     """
     own, wanted = problem.robot.limits, problem.limits
     covered = (wanted.lower >= own.lower).all() and (wanted.upper <= own.upper).all()
     within = policy.clearance < GAP and policy.position_tolerance < BEYOND
-    return problem.robot if covered and within else problem.robot.with_proved_checked()
+    robot = problem.robot if covered and within else problem.robot.with_proved_checked()
+    return with_asked_checked(problem.scene.safety, robot)
 
 
 class Certified(NamedTuple):

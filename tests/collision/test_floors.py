@@ -7,7 +7,8 @@ import pytest
 import optiplan as op
 from optiplan._core import variants
 from optiplan.collision import floors
-from optiplan.collision.floors import KEPT, floors_of, with_asked_checked, with_built
+from optiplan.collision.bodies_and_pairs import with_asked_checked
+from optiplan.collision.floors import KEPT, floors_of, with_built
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import planning_model
 from optiplan.geometry.scene import Box, Obstacle, Scene

@@ -10,6 +10,7 @@ import trimesh
 import optiplan as op
 from optiplan.errors import InputError
 from optiplan.robot.robot import load_robot
+from optiplan.robot.urdf import ros_packages
 from tests.robot.robots import BARE, LINK, chain, joint, write_robot
 
 BACKWARDS = '<limit lower="1" upper="-1" velocity="3" effort="4"/>'
@@ -286,6 +287,67 @@ def test_a_mesh_is_that_of_its_own_package_where_another_has_one_of_that_name(tm
     )
     shape = next(item.geometry for item in robot.geometry.geometryObjects if "m_" in item.name)
     assert np.allclose(np.asarray(shape.points()).max(axis=0), 0.3)
+
+
+def write_cube(path, size):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    trimesh.creation.box((size, size, size)).export(path)
+
+
+def size_of_m(robot):
+    shape = next(item.geometry for item in robot.geometry.geometryObjects if "m_" in item.name)
+    return float(np.asarray(shape.points()).max())
+
+
+def test_a_folder_that_is_called_like_a_package_and_is_another_one_is_not_taken(tmp_path):
+    for folder, name, size in (("hand", "old_hand", 0.1), ("tool", "hand", 0.3)):
+        write_cube(tmp_path / "src" / folder / "meshes/base_link.stl", size)
+        (tmp_path / "src" / folder / "package.xml").write_text(f"<package><name>{name}</name></package>")
+    path = write_robot(tmp_path / "src/arm/urdf", meshed("collision", "package://hand/meshes/base_link.stl"))
+    assert size_of_m(load_robot(str(path))) == pytest.approx(0.3)
+
+
+def test_a_file_that_a_package_lacks_is_not_guessed(tmp_path):
+    write_cube(tmp_path / "arm/meshes/base_link.stl", 0.1)
+    (tmp_path / "tool").mkdir()
+    (tmp_path / "tool/package.xml").write_text("<package><name>hand</name></package>")
+    path = write_robot(tmp_path / "arm/urdf", meshed("collision", "package://hand/meshes/base_link.stl"))
+    with pytest.raises(InputError, match="missing") as caught:
+        load_robot(str(path))
+    assert f"(tried {tmp_path / 'tool/meshes/base_link.stl'})" in caught.value.issues[0].found
+
+
+def test_a_note_names_a_package_of_ros_where_its_files_are_near_as_well(tmp_path, monkeypatch):
+    write_cube(tmp_path / "arm/urdf/meshes/base_link.stl", 0.1)
+    path = write_robot(tmp_path / "arm/urdf", meshed("collision", "package://hand/meshes/base_link.stl"))
+    near, ros = tmp_path / "arm/urdf", tmp_path / "far/opt/ros/hand"
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(ros.parent))
+    found = load_robot(str(path))
+    assert size_of_m(found) == pytest.approx(0.1)
+    assert f"package hand is not found; its meshes are read from {near}" in found.notes
+    write_cube(ros / "meshes/base_link.stl", 0.3)
+    found = load_robot(str(path.rename(path.with_name("again.yaml"))))
+    assert size_of_m(found) == pytest.approx(0.3)
+    assert f"meshes of package hand are read from {ros}, not from {near}" in found.notes
+    write_cube(tmp_path / "arm/hand/meshes/base_link.stl", 0.2)
+    found = load_robot(str(path.with_name("again.yaml").rename(path)))
+    assert size_of_m(found) == pytest.approx(0.2)
+    assert not [note for note in found.notes if "package hand" in note]
+
+
+def test_a_package_near_is_found_without_reading_those_of_ros(tmp_path, monkeypatch):
+    read = []
+    name_of = ros_packages._package_name
+    monkeypatch.setattr(ros_packages, "_package_name", lambda folder: [name_of(folder), read.append(folder)][0])
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "far"))
+    for folder in ("near/hand", "far/other"):
+        (tmp_path / folder).mkdir(parents=True)
+        (tmp_path / folder / "package.xml").write_text(f"<package><name>{folder[-4:]}</name></package>")
+    packages = ros_packages.RosPackages(tmp_path / "near")
+    assert packages.find("hand") == next(packages.folders("hand")) == tmp_path / "near/hand"
+    assert len(read) == len(set(read)) > 0
+    assert tmp_path / "far/other" not in read
+    assert packages.names() == ["hand", "ther"]
 
 
 def test_a_mesh_of_a_package_that_is_not_found_is_guessed_with_a_note_and_never_that_of_another(tmp_path):

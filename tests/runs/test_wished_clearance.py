@@ -11,8 +11,9 @@ import optiplan as op
 from optiplan.cli.printing.report import show_run
 from optiplan.geometry.safety import WISHED
 from optiplan.planners.base import Budget
+from optiplan.problem.problem import derived
 from optiplan.runs.pipeline import plan_and_verify_once
-from optiplan.runs.wished_clearance import LONGER
+from optiplan.runs.wished_clearance import LONGER, wished
 from optiplan.trajectory.trajectory import Trajectory
 
 BUDGET = 5.0
@@ -157,3 +158,18 @@ def test_who_replans_does_not_wait_for_a_wish(shelf: op.Problem) -> None:
     run = op.Replanner(shelf).plan(budget=1.0)
     assert run.verified
     assert "wish" not in run.info
+
+
+def test_the_wish_is_of_links_of_two_arms_that_are_proved_apart_as_well() -> None:
+    """The tip of the left arm passes the base of the right one at 10 mm."""
+    left = {"use": "planar2r", "base": op.Pose((1.18, 0.18, 0.0), rpy=(0.0, 0.0, np.pi))}
+    robot = op.Robot.side_by_side({"left": left, "right": "planar2r"})
+    assert robot.allowed["left/tip", "right/base"] == "proved"
+    problem = op.Problem(robot, [-0.5, 0.0, -1.5, 0.0], [0.5, 0.0, -1.5, 0.0])
+    motion = op.plan(problem.with_parts(clearance=0), "scurve").trajectory
+    assert motion is not None
+    for clearance in (0.005, 0.02):
+        asking = derived(problem, wished_clearance=clearance)
+        found = wished(asking, motion, 0.0, lambda problem, budget: None, Budget(BUDGET))
+        assert found is not None
+        assert found.kept == op.verify(problem.with_parts(clearance=clearance), motion).verified == (clearance < 0.01)

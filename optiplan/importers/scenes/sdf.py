@@ -36,7 +36,7 @@ def read_sdf_scene(path: Path) -> ImportedScene:
     root = parsed_xml(path, "sdf")
     worlds = root.findall("world")
     for parent in worlds or [root]:
-        _read_models(parent, pin.SE3.Identity(), _Place(path, "", 0), scene)
+        _read_models(parent, _Frames(parent, pin.SE3.Identity(), _Place(path, "", 0)), scene)
     if len(worlds) > 1:
         scene.notes.append(f"{len(worlds)} worlds lie in one scene")
     for tag in ("actor", "light", "plugin", "population", "road"):
@@ -62,10 +62,9 @@ class _Place:
         return InputError([Issue(str(self.file), None, name, found, expected)])
 
 
-def _read_models(parent: ET.Element, X_WP: pin.SE3, place: _Place, scene: ImportedScene) -> None:
-    frames = _Frames(parent, X_WP, place)
+def _read_models(parent: ET.Element, frames: "_Frames", scene: ImportedScene) -> None:
     for model in parent.findall("model"):
-        _read_model(model, frames.pose(model), place.inside(model.get("name", "model")), scene)
+        _read_model(model, frames.pose(model), frames.place.inside(model.get("name", "model")), scene)
     for include in frames.includes:
         _read_model(include.model, frames.included(include), include.place, scene)
 
@@ -100,8 +99,7 @@ def _read_model(model: ET.Element, X_WM: pin.SE3, place: _Place, scene: Imported
         for collision in link.findall("collision"):
             X_WC = frames.pose(collision, X_WL)
             _read_shape(collision, f"{place.prefix}{link.get('name', 'link')}", X_WC, place, scene)
-    if model.findall("model") or model.findall("include"):
-        _read_models(model, X_WM, place, scene)
+    _read_models(model, frames, scene)
 
 
 class _Frames:

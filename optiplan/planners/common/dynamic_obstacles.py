@@ -11,6 +11,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure, PlanResult
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.path_timing import within_torque
+from optiplan.planners.path_constraints.motion_check import Broken, PathConstraints, broken_constraint
 from optiplan.problem.problem import Problem, derived
 from optiplan.trajectory.joining import join_trajectories, standstill
 from optiplan.trajectory.trajectory import Trajectory
@@ -60,15 +61,25 @@ def without_dynamic_obstacles(problem: Problem) -> Problem:
 def delayed(
     problem: Problem, motions: Sequence[Trajectory], model: CollisionModel, budget: Budget
 ) -> Delayed | Failure:
-    """Return the motion that arrives first, waiting or slower; otherwise the contact of the first one, not delayed."""
+    """Return the motion that arrives first, waiting or slower, among those that hold the path constraints.
+
+    Otherwise the failure has the constraint that a free one breaks, or the contact of the first one, not delayed. A
+    distance that is asked from an obstacle that moves is left to the verifier.
+    """
     touch: Touch | None = None
+    refused: tuple[Broken, Trajectory] | None = None
+    constraints = PathConstraints(without_dynamic_obstacles(problem))
     for one in _in_order(problem, motions):
         met = first_contact(model, one.motion, lambda: budget.over)
-        if met is None:
-            return _sooner(problem, one, motions, model)
+        broken = constraints.broken(one.motion) if met is None else []
+        if met is None and not broken:
+            return _sooner(problem, one, motions, model, constraints)
         if budget.over:
             break
         touch = touch or met
+        refused = refused or ((broken[0], one.motion) if broken else None)
+    if refused is not None:
+        return broken_constraint(*refused, "motions that wait or go slower and meet nothing break a path constraint")
     if touch is None:
         return Failure("budget", f"{budget.seconds:.3g} s ended while waiting times were tried")
     if _states_times(problem):
@@ -99,12 +110,15 @@ def _states_times(problem: Problem) -> bool:
     return any(via.time is not None for via in problem.vias)
 
 
-def _sooner(problem: Problem, good: Delayed, motions: Sequence[Trajectory], model: CollisionModel) -> Delayed:
+def _sooner(
+    problem: Problem, good: Delayed, motions: Sequence[Trajectory], model: CollisionModel, constraints: PathConstraints
+) -> Delayed:
+    """Return a motion that waits less than one that is free, where it is free and holds the constraints, too."""
     low = max(0.0, good.wait - _horizon(problem) / (_WAITS - 1))
     motion = next(one for one in motions if np.isclose(one.duration * good.slower + good.wait, good.motion.duration))
     for _ in range(_HALVINGS if good.wait else 0):
         tried = _delay(problem, motion, 0.5 * (low + good.wait), good.slower)
-        if first_contact(model, tried.motion) is None:
+        if first_contact(model, tried.motion) is None and not constraints.broken(tried.motion):
             good = tried
         else:
             low = tried.wait

@@ -5,12 +5,12 @@ Two hands on one box: inverse kinematics moves one hand to its goal pose and lea
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
-from optiplan.planners.common.goal_ranking import GoalSampler
 from optiplan.planners.path_constraints.goals import goal_inequalities, in_goal
 from optiplan.planners.path_constraints.inequality import CompiledInequality, RowsAtRest, shortest_step, stepped
 from optiplan.planners.path_constraints.motion_check import PathConstraints
@@ -18,6 +18,9 @@ from optiplan.problem.constraints.measures import FramePoses
 from optiplan.problem.goals_and_vias import AllOfGoal, JointGoal, PoseGoal, parts_of
 from optiplan.problem.problem import Problem
 from optiplan.problem.regions.region import RegionGoal
+
+if TYPE_CHECKING:
+    from optiplan.planners.common.goal_ranking import GoalSampler
 
 _TRIED = 8
 """Number of configurations, the nearest first, projected onto each goal."""
@@ -32,7 +35,7 @@ _INSIDE = 1e-7  # times its unit: how far beyond its bound a row is aimed at lea
 def hold_goals(
     problem: Problem,
     model: CollisionModel,
-    sampler: GoalSampler,
+    sampler: "GoalSampler",
     constraints: PathConstraints,
     stop: Callable[[], bool],
 ) -> list[Array]:

@@ -43,7 +43,7 @@ def _passing(problem: Problem, part: TaskPart, budget: Budget) -> TaskPart | Fai
     if isinstance(part, Stretch):
         columns = part.steps[0].stage.columns
         ends = [state.q[columns] for planned in part.steps for state in (planned.before, planned.after)]
-        own = derived(part.steps[0].stage.problem, scene=scene.ending_at(*ends), goal=())
+        own = derived(part.steps[0].stage.problem, scene=scene.ending_at(*ends), goal=(), path_constraints=())
         passing = delayed(own, [part.motion], planning_model(own.robot, own.scene, error=own.tracking_error), budget)
         if isinstance(passing, Failure):
             return passing

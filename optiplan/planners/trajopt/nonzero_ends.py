@@ -69,8 +69,8 @@ class _NonzeroEndRun:
         """Search and return the best motion, or the failure."""
         failure = self._search()
         self.info["cut_short"] |= self.budget.over
-        if failure is None and self.breaking is not None:
-            failure = broken_constraint(*self.breaking, "no motion holds the path constraints")
+        if failure is None and self.breaking is not None and not self.budget.over:
+            failure = broken_constraint(*self.breaking, "no motion was found that holds the path constraints")
         if self.budget.cancelled or failure is None:
             failure = out_of_time(self.budget, "looking for a trajectory")
         return self.incumbent.result(self.info, failure)
@@ -188,6 +188,8 @@ class _NonzeroEndRun:
         self.patience.work(steps=steps)
         self.info["attempts"].append(attempt_record(kind, attempt, steps, self.optimiser.log))
         if attempt is None or not attempt.free:
+            if attempt is not None and not attempt.touches:
+                self.breaking = attempt.broken[0], attempt.trajectory
             self.patience.record(None)
             return
         if self._offer(attempt.trajectory):

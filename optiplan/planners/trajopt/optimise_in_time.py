@@ -10,7 +10,6 @@ from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress, stages_of
 from optiplan.planners.common.dynamic_obstacles import delayed, without_dynamic_obstacles
 from optiplan.planners.common.incumbent import Incumbent
-from optiplan.planners.path_constraints.motion_check import broken_constraint
 from optiplan.planners.trajopt.initial_guess import with_bump
 from optiplan.planners.trajopt.nonzero_end_optimiser import (
     EXACT,
@@ -68,20 +67,16 @@ def optimise_in_time(
     model = kept_planning_model(problem.robot, problem.scene, problem.tracking_error)
     waiting = delayed(problem, [static.trajectory], model, budget.share(_DELAYS))
     info: dict[str, Any] = {"attempts": [*static.info.get("attempts", ())], "cut_short": False}
-    seeds, failure = [static.trajectory], waiting if isinstance(waiting, Failure) else None
-    optimiser = Optimiser(with_reserve(problem), model, planner.options)
     if not isinstance(waiting, Failure):
-        seeds.append(waiting.motion)
+        incumbent.offer(waiting.motion)
         info |= {"waited": waiting.wait, "slower": waiting.slower}
-        broken = next(iter(optimiser.constraints.broken(waiting.motion)), None)
-        if broken is None:
-            incumbent.offer(waiting.motion)
-        else:
-            failure = broken_constraint(broken, waiting.motion, "no curve among what moves is free")
+    seeds = [static.trajectory] if isinstance(waiting, Failure) else [static.trajectory, waiting.motion]
     if incumbent.cost > _CLOSE * problem.cost(static.trajectory):
+        optimiser = Optimiser(with_reserve(problem), model, planner.options)
         info["attempts"] += _curves(optimiser, seeds, incumbent, budget)
     info["cut_short"] |= budget.over
     timings = {**static.timings, "in time": clock() - began - sum(static.timings.values())}
+    failure = waiting if isinstance(waiting, Failure) else None
     return replace(incumbent.result(info, failure), timings=timings)
 
 

@@ -230,19 +230,26 @@ class _MeshFinder:
         self._packages = RosPackages(folder, urdf.parent)
 
     def find(self, name: str) -> Path | None:
-        """Return the first file of the candidates; a note says where a package was not found."""
-        found = next((path for path in self._stated(name) if is_file(path)), None)
+        """Return the first file of the candidates; a note says where a package is not found, or not near."""
+        package, inside = _in_package(name)
+        found, guess = (next(filter(is_file, paths), None) for paths in (self._stated(name), self._guesses(name)))
+        if guess is None or (found is None and self._packages.find(package) is not None):
+            return found
+        folder, near = (Path(str(path).removesuffix(inside)) for path in (found or guess, guess))
+        note = f"meshes of package {package} are read from {folder}, not from {near}"
         if found is None:
-            found = next((path for path in self._guesses(name) if is_file(path)), None)
-            if found is not None:
-                package, inside = _in_package(name)
-                where = str(found).removesuffix(inside).rstrip("/") or "/"
-                note = f"package {package} is not found; its meshes are read from {where}"
-                self.notes += [note] if note not in self.notes else []
-        return found
+            note = f"package {package} is not found; its meshes are read from {near}"
+        elif {folder, folder.parent} & {*self._packages.roots}:
+            return found
+        self.notes += [note] if note not in self.notes else []
+        return found or guess
 
     def candidates(self, name: str) -> list[Path]:
-        return [*self._stated(name), *self._guesses(name)]
+        """Return where `find` looks, with the usual folders that there are not."""
+        package, inside = _in_package(name)
+        known = not inside or self._packages.find(package) is not None
+        usual = [] if known else [*(root / package / inside for root in self._packages.roots), *self._guesses(name)]
+        return list(dict.fromkeys([*self._stated(name), *usual]))
 
     def _stated(self, name: str) -> Iterator[Path]:
         """Yield where the file may be, the likeliest first."""
@@ -253,7 +260,6 @@ class _MeshFinder:
             yield Path(rest)
         else:
             package, inside = _in_package(name)
-            yield from (root / package / inside for root in self._packages.roots)
             yield from (folder / inside for folder in self._packages.folders(package))
 
     def _guesses(self, name: str) -> list[Path]:

@@ -2,8 +2,9 @@
 
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 
 from optiplan.files import is_file, read_bytes
@@ -14,7 +15,7 @@ UP = 3
 
 
 class RosPackages:
-    """Folders of packages, by the name in their package.xml.
+    """Folders of packages, by the name in their package.xml; each is read when a search comes to it.
 
     Args:
         near: folders; packages are looked for in them, above them, and beside what is above them.
@@ -26,42 +27,58 @@ class RosPackages:
     def __init__(self, *near: Path) -> None:
         folders = [folder.resolve() for folder in near]
         self.roots = list(dict.fromkeys([*folders, *(up for folder in folders for up in list(folder.parents)[:UP])]))
+        self._names: dict[Path, str] = {}
 
     def find(self, name: str) -> Path | None:
         """Return the folder of a package; None where there is none of that name."""
-        return next((folder for folder, own in self._names.items() if own == name), None)
+        found = (folder for folders in self._searched() for folder in folders if self.name_of(folder) == name)
+        return next(found, None)
 
-    def folders(self, name: str) -> list[Path]:
-        """Return the folders whose package.xml has this name, then those that are called so."""
-        stated = [folder for folder, own in self._names.items() if own == name]
-        return [*stated, *(folder for folder in self._names if folder.name == name)]
+    def folders(self, name: str) -> Iterator[Path]:
+        """Yield the folders near whose package.xml has this name, those called so without one, and then the others."""
+        for folders in self._searched():
+            yield from (folder for folder in folders if self.name_of(folder) == name)
+            yield from (folder for folder in folders if folder.name == name and not self.name_of(folder))
 
     def name_of(self, folder: Path) -> str:
         """Return the name in the package.xml of a folder; empty where it has none."""
-        return self._names.get(folder, "")
+        if folder not in self._names:
+            self._names[folder] = _package_name(folder)
+        return self._names[folder]
 
     def names(self) -> list[str]:
         """Return the names of all packages that were found."""
-        return sorted({*self._names.values()} - {""})
+        return sorted({self.name_of(folder) for folder in chain(*self._searched())} - {""})
+
+    def _searched(self) -> Iterator[list[Path]]:
+        """Yield the folders near, then those of the environment."""
+        yield self._near
+        yield self._installed
 
     @cached_property
-    def _names(self) -> dict[Path, str]:
+    def _near(self) -> list[Path]:
+        return _with_children(self.roots)
+
+    @cached_property
+    def _installed(self) -> list[Path]:
         places = [Path(entry) for entry in _entries("ROS_PACKAGE_PATH")]
-        places += [Path(entry, "share") for entry in _entries("AMENT_PREFIX_PATH")]
-        folders = [each for place in (*self.roots, *places) for each in _with_children(place)]
-        return {folder: _package_name(folder) for folder in dict.fromkeys(folders)}
+        return _with_children([*places, *(Path(entry, "share") for entry in _entries("AMENT_PREFIX_PATH"))])
 
 
 def _entries(variable: str) -> Iterator[str]:
     return filter(None, os.environ.get(variable, "").split(os.pathsep))
 
 
-def _with_children(folder: Path) -> list[Path]:
-    """Return a folder and those in it; none where it cannot be read."""
-    try:
-        return [folder, *sorted(Path(child.path) for child in os.scandir(folder) if child.is_dir())]
-    except OSError:
-        return []
+def _with_children(places: Iterable[Path]) -> list[Path]:
+    """Return folders, each with those in it; alone where it cannot be read."""
+    found: list[Path] = []
+    for place in places:
+        try:
+            names = sorted(os.listdir(place))
+        except OSError:
+            names = []
+        found += [place, *(child for name in names if os.path.isdir(child := place / name))]
+    return list(dict.fromkeys(found))
 
 
 def _package_name(folder: Path) -> str:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from optiplan.collision.bodies_and_pairs import with_asked_checked
 from optiplan.problem.problem import Problem
 from optiplan.robot.self_collision.pairs import WORDS
 from optiplan.verify.report import jsonable
@@ -21,7 +22,7 @@ def checks_of(problem: Problem, report: Mapping[str, Any]) -> list[dict[str, Any
 def about(problem: Problem, report: Mapping[str, Any]) -> dict[str, Any]:
     """What the verdict is about: `statements`, `geometry` of each link, and `unchecked` pairs by reason."""
     reasons: dict[str, list[str]] = {}
-    for (a, b), reason in sorted(problem.robot.allowed.items()):
+    for (a, b), reason in sorted(with_asked_checked(problem.scene.safety, problem.robot).allowed.items()):
         kind, _, own = reason.partition(": ")
         reasons.setdefault(f"{WORDS.get(kind, kind)}{f' ({own})' if own else ''}", []).append(f"{a} – {b}")
     allowed = [" – ".join(sorted(pair)) for pair in problem.scene.allowed]

@@ -85,6 +85,17 @@ def test_a_motion_that_waits_has_to_hold_the_path_constraints(monkeypatch):
     assert found.failure.kind == "constraint"
 
 
+@pytest.mark.parametrize("name", ["trajopt", "sclerp"])
+def test_a_slower_motion_is_the_answer_where_one_that_waits_breaks_a_constraint(name, monkeypatch):
+    """From a share of the duration on it is past the start: a wait takes that share, going slower does not."""
+    monkeypatch.setattr(optimise_in_time, "_curves", lambda *given: [])
+    wall = op.Box("wall", size=(1.2, 0.04, 1.2), position=tuple(MIDDLE)).moving([[0], [0], [0, 0, 1.0]], until=3.0)
+    past = {"box": {"size": [4.0, 4.0, 4.0], "pose": {"position": [0.0, 2.15, 0.5]}}, "during": [0.4, 1.0]}
+    found = plan(REACH.with_scene([wall]).with_constraints({"position": past}), name)
+    assert found.verified, found.failure
+    assert found.info["slower"] > 1.0
+
+
 def test_margins_are_of_the_places_at_which_obstacles_are_then():
     """One stands beside the goal at first and leaves, another comes there."""
     goal = frame_pose(REACH.robot, MOTION.end, REACH.robot.tool_frame).translation

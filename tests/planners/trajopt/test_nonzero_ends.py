@@ -183,3 +183,6 @@ def test_a_detour_that_breaks_a_constraint_is_a_failure_that_names_it(monkeypatc
     failure = plan_nonzero_ends(planner, problem, Budget(5.0), lambda stage, fraction: None).failure
     assert failure.kind == "constraint"
     assert failure.witness["constraint"] == "orientation"
+    monkeypatch.setattr(_NonzeroEndRun, "_bumps", lambda run: setattr(run, "budget", Budget(0.0)))
+    failure = plan_nonzero_ends(planner, problem, Budget(5.0), lambda stage, fraction: None).failure
+    assert failure.kind == "budget"

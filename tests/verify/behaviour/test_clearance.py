@@ -7,6 +7,7 @@ import pytest
 
 import optiplan as op
 from optiplan.collision.floors import floors_of
+from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
 from optiplan.problem.task.timeline import scene_parts
 from optiplan.verify.verify import verify
@@ -141,3 +142,18 @@ def test_a_named_pair_is_measured_though_it_is_proved_never_to_meet():
     assert check.detail.startswith("bodies come nearer than the 140 mm required of them")
     again = pickle.loads(pickle.dumps(asked(0.14)))
     assert not verify(again, motion).verified
+
+
+def test_what_is_checked_does_not_depend_on_what_a_problem_was_made_of():
+    plain = op.Problem("panda", "ready", "extended")
+    pairs = (op.SafePairs(("panda_hand",), ("panda_link4",), 0.01),)
+    asked = plain.with_parts(clearance=op.Safety(pairs=pairs))
+    known = {one: len(collision_model(one.robot, one.scene).pairs) for one in (plain, asked)}
+    assert known[asked] == known[plain] + 1
+    for again in (
+        asked.with_parts(clearance=0.005),
+        asked.with_scene([]),
+        op.Problem(asked.robot, "ready", "extended"),
+    ):
+        same = again.scene.safety is not None and bool(again.scene.safety.pairs)
+        assert len(collision_model(again.robot, again.scene).pairs) == known[asked if same else plain]

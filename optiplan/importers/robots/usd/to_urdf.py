@@ -72,8 +72,9 @@ class _UsdWriter:
         self.drawn: dict[str, float] = {}
         self.rates: dict[str, float] = {}
         default = stage.stage.GetDefaultPrim()
-        carried = [pair for pair in self.tree.carried.values() if pair is not None]
-        self.joints = {joint.path: joint for joint, _ in carried}
+        carried = [(*pair, path) for path, pair in self.tree.carried.items() if pair is not None]
+        self.joints = {joint.path: joint for joint, _, _ in carried}
+        self.positions = {joint.path: self._position(joint, carrier, path) for joint, carrier, path in carried}
         named = _names([WORLD, *self.joints, *self.tree.order])
         self.names = {**named, "": WORLD}
         self.urdf = UrdfTree(default.GetName() if default else stage.path.stem, named.values())
@@ -112,7 +113,7 @@ class _UsdWriter:
         joint, carrier = carried
         X_PF, X_CF, axis = _frames(joint, path)
         parent, name = self.names[carrier], self.names[joint.path]
-        q, still = self._position(joint, carrier, path), self._still_at(joint.path)
+        still = self._still_at(joint.path)
         if still is not None:
             X_FF = moved(joint.kind == TURNS, axis, still) if joint.moves else pin.SE3.Identity()
             self.urdf.joint(name, "fixed", (parent, link), X_PF * X_FF * X_CF.inverse())
@@ -120,7 +121,7 @@ class _UsdWriter:
         own = X_CF.isIdentity(1e-12)
         child = link if own else self.urdf.free(f"{name}_frame")
         self._moving(joint, (parent, child), X_PF, axis)
-        self.drawn[name] = q
+        self.drawn[name] = self.positions[joint.path]
         if not own:
             self.urdf.link(child)
             self.urdf.joint(self.urdf.free(f"{link}_fixed"), "fixed", (child, link), X_CF.inverse())
@@ -131,11 +132,7 @@ class _UsdWriter:
         if not joint.moves:
             return joint.lower if joint.lower == joint.upper else 0.0
         if name in self._held:
-            return next(
-                self._position(joint, carried[1], path)
-                for path, carried in self.tree.carried.items()
-                if carried is not None and carried[0] is joint
-            )
+            return self.positions[name]
         if joint.mimic is None or joint.mimic[0] not in self.joints or name in followers:
             return None
         leader, factor, offset = joint.mimic
