@@ -9,6 +9,7 @@ namespace optiplan {
 
 static constexpr int TURN = 8;  // iterations of which one takes the trees in turn, whatever their sizes
 static constexpr double DOUBLED = 2500.0;  // iterations in which the duration of motions doubles
+static constexpr int ANYWHERE = 3;  // iterations of which one draws from the whole box: if no short motion passes
 static constexpr int DRAWS = 64;  // of one iteration: where the set is much smaller than its box, the last is taken
 
 RrtConnect::RrtConnect(EdgeChecker &check, SearchSpace space, const double *start, const std::vector<double> &goals,
@@ -83,8 +84,8 @@ bool RrtConnect::passed_within(const double *x, double duration) const {
 
 void RrtConnect::draw() {
     const int m = static_cast<int>(target_.size());
-    const bool anywhere = std::isinf(space_.least);
-    const double duration = space_.least * std::exp2(iterations_ / DOUBLED);
+    const bool anywhere = std::isinf(space_.least) || iterations_ % ANYWHERE == 0;
+    const double duration = anywhere ? HUGE_VAL : space_.least * std::exp2(iterations_ / DOUBLED);
     const double *start = trees_[0].at(0);
     for (int j = 0; j < m; ++j) {  // the box of the set at full speed
         const double way = duration * space_.velocity[j] / space_.units[j];
