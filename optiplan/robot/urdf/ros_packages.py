@@ -35,10 +35,16 @@ class RosPackages:
         return next(found, None)
 
     def folders(self, name: str) -> Iterator[Path]:
-        """Yield the folders near whose package.xml has this name, those called so without one, and then the others."""
+        """Yield the folders near whose package.xml has this name, those called so without one, and then the others.
+
+        Those called so with another name in it come last, such as example-robot-data: its package.xml has a name of its
+        own, and its meshes name the folder.
+        """
         for folders in self._searched():
             yield from (folder for folder in folders if self.name_of(folder) == name)
             yield from (folder for folder in folders if folder.name == name and not self.name_of(folder))
+        for folders in self._searched():
+            yield from (folder for folder in folders if folder.name == name and self.name_of(folder) not in ("", name))
 
     def name_of(self, folder: Path) -> str:
         """Return the name in the package.xml of a folder; empty where it has none."""
