@@ -40,8 +40,8 @@ def same_problem(record: Mapping[str, Any], problem: Problem) -> Check:
 def form(trajectory: Trajectory) -> Check:
     """Check that the data form a trajectory: shapes fit, every number is finite, time increases.
 
-    Sums and shifts of finite numbers may overflow. So sum_k |c_k| h^k
-    is below 1e15 in every piece of h seconds, and the motion lasts at most 1e13 s.
+    Sums and shifts of finite numbers may overflow. So sum_k |c_k| h^k is below 1e15 in every piece of h seconds, and
+    the motion lasts at most 1e13 s.
     """
     try:
         problem = defect(tuple(trajectory.joint_names), trajectory.breakpoints, trajectory.coefficients)

@@ -109,15 +109,15 @@ def read_meshes(meshes: Sequence[MeshFile]) -> list[Soup]:
         MeshError: the first that cannot be used; the message names it and the fault.
     """
     with _lock:
-        known_ones = {mesh.key: _find(mesh.key) for mesh in meshes}
-        unknown = list({mesh.key: mesh for mesh in meshes if known_ones[mesh.key] is None}.values())
+        found = {mesh.key: _find(mesh.key) for mesh in meshes}
+        unknown = list({mesh.key: mesh for mesh in meshes if found[mesh.key] is None}.values())
         read = {mesh.key: answer for mesh, answer in zip(unknown, _read_apart(unknown), strict=True)}
         for key, answer in read.items():
             if isinstance(answer, Soup):
                 cache.store(_name(key), pack_soup(answer))
             if not isinstance(answer, _Ended):
                 _keep(key, answer)
-    return [_soup(mesh, known_ones[mesh.key] or read[mesh.key]) for mesh in meshes]
+    return [_soup(mesh, found[mesh.key] or read[mesh.key]) for mesh in meshes]
 
 
 def _soup(file: MeshFile, found: Soup | str) -> Soup:

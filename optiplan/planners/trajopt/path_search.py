@@ -133,7 +133,7 @@ class PathSearch:
     def _between_real(self, sampler: GoalSampler, work: float) -> SampledPath | Failure:
         """Search for a path here and there; where neither its curve nor it is free, for a path that is proved."""
         path = self._briefly(sampler, self._check().here_and_there(), work)
-        if isinstance(path, Failure) or self.incumbent.candidates or self.free(path):
+        if isinstance(path, Failure) or self.incumbent.candidates or self.free(path.waypoints):
             return path
         return self._briefly(sampler, self._check(), _QUICK)
 
@@ -290,11 +290,8 @@ class PathSearch:
             self._first(path.waypoints)
         return path
 
-    def free(self, path: SampledPath) -> bool:
-        """Return whether a path is free between the real obstacles."""
-        return self._free(path.waypoints)
-
-    def _free(self, waypoints: Array) -> bool:
+    def free(self, waypoints: Array) -> bool:
+        """Return whether a path (k, n) is free between the real obstacles; asked again of the last one, it knows."""
         if self._proved is None or self._proved[0] is not waypoints:
             self._proved = waypoints, self._check().polyline_free(waypoints)
         return self._proved[1]
@@ -322,7 +319,7 @@ class PathSearch:
 
     def _stopping(self, waypoints: Array) -> Failure | None:
         """Offer the motion along a path with a stop at every corner; paths on constraints have too many corners."""
-        if not self._free(waypoints):
+        if not self.free(waypoints):
             return None
         with self.watch.stage("timing of sampled paths"):
             timed = stopping(self.problem.robot, self.problem.limits, waypoints)

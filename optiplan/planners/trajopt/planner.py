@@ -269,7 +269,7 @@ class _Run:
         far longer than the best motion, even at full speed, is skipped.
         """
         path, curve, failure, attempt = guess.path, guess.curve, None, None
-        if not self.incumbent.candidates and (curve is None or self.paths.free(path)):
+        if not self.incumbent.candidates and (curve is None or self.paths.free(path.waypoints)):
             failure = self.paths.offer_first(path)
         repaired, self.repaired = self.repaired, None
         if repaired is not None and path.cost > _SHORTER * repaired[1]:
@@ -282,7 +282,7 @@ class _Run:
             attempt = self.attempts.attempt("sampled", control, self.attempts.before_refining)
             self.paths.record(attempt is not None)
         longer = self.incumbent.cost > self.incumbent.cost_bound(path.cost)
-        if attempt is None and longer and self.patience.in_vain >= _IN_VAIN and self.paths.free(path):
+        if attempt is None and longer and self.patience.in_vain >= _IN_VAIN and self.paths.free(path.waypoints):
             self.paths.offer_timed(path)
         return failure
 

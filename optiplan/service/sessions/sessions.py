@@ -30,15 +30,18 @@ class Session:
         id: of the session.
         about: what is reported of it before it begins.
         seen: its last states.
-        ended: why it has ended; None while it runs.
     """
 
     def __init__(self, about: State, job: SolverJob) -> None:
         self.id, self.about, self.seen = uuid.uuid4().hex, about, SeenStates()
-        self.ended: str | None = None
         self._end: State = {}
         self._job = job
         self._watchers: set[asyncio.Queue[State]] = set()
+
+    @property
+    def ended(self) -> str | None:
+        """Why it has ended; None while it runs."""
+        return self._end.get("reason")
 
     def say(self, words: Mapping[str, Any]) -> None:
         """Say something to the process."""
@@ -56,7 +59,7 @@ class Session:
     def publish(self, event: State) -> None:
         """Hand an event to all watchers; a slow one misses the oldest, never the last. Later ones get the end."""
         if event["type"] == "end":
-            self._end, self.ended = event, event["reason"]
+            self._end = event
         for queue in self._watchers:
             if queue.full():
                 queue.get_nowait()

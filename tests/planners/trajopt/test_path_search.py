@@ -44,7 +44,7 @@ def test_without_a_free_curve_a_proved_path_is_the_motion(is_free: bool, monkeyp
 
     monkeypatch.setattr(run.paths, "_briefly", noted)
     if not is_free:
-        monkeypatch.setattr(run.paths, "free", lambda path: False)
+        monkeypatch.setattr(run.paths, "free", lambda waypoints: False)
         monkeypatch.setattr(run.paths, "_stopping", lambda waypoints: None)
     run.paths.at_once(_sampler(run))
     proved = run.paths._check().here_and_there() is run.paths._check()
@@ -106,7 +106,7 @@ def test_a_path_is_proved_once(monkeypatch: pytest.MonkeyPatch) -> None:
     waypoints, asked = np.array([run.problem.start, run.problem.goal[0].q]), []
     monkeypatch.setattr(MotionCheck, "polyline_free", lambda self, path: asked.append(path) or False)
     assert run.paths._stopping(waypoints) is None
-    assert not run.paths.free(SampledPath(waypoints, 0, 1.0, {}))
+    assert not run.paths.free(waypoints)
     assert len(asked) == 1
     assert run.paths._stopping(waypoints.copy()) is None
     assert len(asked) == 2
