@@ -1,5 +1,6 @@
 """Statements of a problem, and whether a check was made of each: what nothing was checked of is not verified."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import cache
@@ -27,7 +28,7 @@ def covering(check: Check, *statements: str) -> Check:
 
 def complete(problem: Problem, checks: Sequence[Check], besides: Sequence[str] = ()) -> Check:
     """Check that every statement of the problem, and those `besides`, have a check that was made of them."""
-    stated = [*statements(problem), *besides]
+    stated = list(dict.fromkeys([*statements(problem), *besides]))
     covered = {one for check in checks for one in check.covers}
     lacking = [one for one in stated if one not in covered]
     if not lacking:
@@ -103,6 +104,17 @@ def constraint(k: int, place: str = "") -> str:
     return f"{place}{'.' if place else ''}path_constraints[{k}]"
 
 
+def bodies_of_file(problem: Problem) -> list[str]:
+    """Return the statements of the bodies that the file of a problem has, whatever its scene was made of."""
+    scene = problem.source.get("scene", {})
+    return [body(one["name"]) for key in ("obstacles", "attached") for one in scene.get(key, ())]
+
+
+def repeated(scene: Scene) -> list[str]:
+    """Return the names that several bodies of a scene have: a check of one would pass for that of another."""
+    return [name for name, count in Counter(scene.names).items() if count > 1]
+
+
 def body(name: str) -> str:
     """Return the statement that a body of the scene is in the way."""
     return f"scene.{name}"
@@ -140,6 +152,7 @@ def _carried(held: Attachment, robot: Robot) -> bool:
 def _scene(problem: Problem) -> list[str]:
     scene = problem.scene
     bodies = [body(name) for name in scene.names]
+    bodies += [f"{body(name)}, of which there are {scene.names.count(name)}" for name in repeated(scene)]
     moving = [motion(one.name) for one in scene.dynamic_obstacles]
     heavy = [_mass(held) for held in scene.attached if held.mass]
     unknown = [f"scene.{field.name}" for field in fields(Scene) if field.name not in _OF_SCENE]

@@ -11,7 +11,7 @@ from optiplan.verify import limit_checks
 from optiplan.verify.collision_check import checked_robot, collision
 from optiplan.verify.report import Check, Report, VerifyPolicy
 from optiplan.verify.scope import scope
-from optiplan.verify.statements import complete, covering
+from optiplan.verify.statements import bodies_of_file, complete, covering
 
 if TYPE_CHECKING:
     from optiplan.trajectory.given_files import GivenFiles
@@ -35,7 +35,7 @@ def verify(
         Every check with its worst value, limit, time and place; those that need a well-formed trajectory of the right
         joints are left out, and said to be, when it is not one.
     """
-    found = [limit_checks.form(trajectory)]
+    stated, found = problem, [limit_checks.form(trajectory)]
     if found[0].passed:
         found.append(limit_checks.joints(problem, trajectory))
     robot = checked_robot(problem, policy)
@@ -77,7 +77,8 @@ def verify(
     if task is None:
         found.append(collision(whole_motion(problem, trajectory).problem, trajectory, policy))
     if all(check.passed for check in found):
-        found.append(complete(problem, found, () if task is None else task.statements()))
+        besides = () if task is None else task.statements()
+        found.append(complete(problem, found, [*bodies_of_file(stated), *besides]))
     about = (*scope(problem, robot, found), *about, *(() if task is None else task.scope()))
     return replace(report, checks=tuple(found), scope=about)
 

@@ -56,9 +56,10 @@ def _bodies(
     right, names = True, frozenset(spec.bodies_of(name))
     for k, (own, one) in enumerate(zip(spec.bodies_of(name), spec.shapes, strict=True)):
         at = (*place, "shapes", k)
-        if taken.setdefault(own, "a body of a tool") != "a tool" and own in {body.name for body in bodies}:
-            compiler.report((*at, "name"), f"'{own}', which is already the name of a body", "a name of its own")
+        if own in taken and (own != name or own in {body.name for body in bodies}):
+            compiler.report((*at, "name"), f"'{own}', which is already the name of {taken[own]}", "a name of its own")
             right = False
+        taken.setdefault(own, "a body of a tool")
         shape = compiler.shape((*at, "shape"), one.shape)
         if shape is not None:
             bodies.append(ToolBody(own, shape, spec.link, pose_of(one.pose), names - {own} | set(spec.touch)))

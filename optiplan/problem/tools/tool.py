@@ -1,6 +1,6 @@
 """Tools as planners and the verifier read them: a TCP, bodies and a mass, on a link or parked in the world."""
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
 
 import pinocchio as pin
@@ -80,12 +80,7 @@ class MountedTool:
         return replace(there, obstacles=(*there.obstacles, *self.parked()))
 
     def _elsewhere(self, scene: Scene) -> Scene:
-        names = {body.name for body in self.bodies}
-        return replace(
-            scene,
-            obstacles=tuple(one for one in scene.obstacles if one.name not in names),
-            attached=tuple(one for one in scene.attached if one.name not in names),
-        )
+        return stated_alone(scene, frozenset(body.name for body in self.bodies))
 
 
 def at_first(scene: Scene, tools: Iterable[MountedTool]) -> Scene:
@@ -95,10 +90,12 @@ def at_first(scene: Scene, tools: Iterable[MountedTool]) -> Scene:
     return scene
 
 
-def stated_alone(scene: Scene) -> Scene:
-    """Return a scene without the bodies of tools, which the tools state."""
+def stated_alone(scene: Scene, names: Container[str] | None = None) -> Scene:
+    """Return a scene without the bodies of tools, which the tools state; of those `names` alone, if they are given."""
+
+    def stays(one: Obstacle | Attachment) -> bool:
+        return not isinstance(one, ParkedBody | ToolBody) or (names is not None and one.name not in names)
+
     return replace(
-        scene,
-        obstacles=tuple(one for one in scene.obstacles if not isinstance(one, ParkedBody)),
-        attached=tuple(one for one in scene.attached if not isinstance(one, ToolBody)),
+        scene, obstacles=tuple(filter(stays, scene.obstacles)), attached=tuple(filter(stays, scene.attached))
     )

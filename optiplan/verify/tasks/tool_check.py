@@ -16,7 +16,7 @@ from optiplan.problem.tools.tool import MountedTool
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Check
-from optiplan.verify.statements import step_place, tool
+from optiplan.verify.statements import repeated, step_place, tool
 
 _ROUNDING = 1e-9
 """m, rad and share of a mass: what the sum of transforms and inertias may be off."""
@@ -82,6 +82,8 @@ def _mounted(tools: Iterable[MountedTool]) -> MountedTool | None:
 
 def _not_as_stated(problem: Problem, scene: Scene, mounted: MountedTool | None) -> Iterator[str]:
     robot = part_problem(problem, scene).robot if problem.task else problem.robot
+    for name in repeated(scene):
+        yield f"there are two bodies called '{name}'"
     held = {one.name: one for one in scene.attached}
     parked = {one.name: one for one in scene.obstacles}
     for one in problem.tools:

@@ -34,12 +34,19 @@ task:
   - {tool: probe}
 """
 
+BALL = {"shape": {"sphere": 0.01}}
+
 
 @pytest.fixture(scope="module")
 def problem(tmp_path_factory):
     file = tmp_path_factory.mktemp("tools") / "tools.yaml"
     file.write_text(TEXT)
     return load_problem(file)
+
+
+def beside(name):
+    """A scene with an obstacle of a name, far from the arm."""
+    return {"obstacles": [{"name": name, **BALL, "pose": {"position": [9, 9, 9]}}]}
 
 
 def refused(tmp_path, change):
@@ -126,6 +133,36 @@ def test_one_tool_may_be_stated_where_it_is_mounted():
         (lambda d: d["tools"]["probe"]["tcp"].update({"in": "pen"}), "tools.probe.tcp.in", "unknown key 'in'", "rpy"),
         (lambda d: d["tools"].update(none=d["tools"].pop("pen")), "tools.none", "the name of no tool", "of its own"),
         (lambda d: d["tools"].update(tip=d["tools"].pop("pen")), "tools.tip", "already the name of", "of its"),
+        (
+            lambda d: d.update(scene=beside("bead")),
+            "tools.probe.shapes[1].name",
+            "'bead', which is already",
+            "of its own",
+        ),
+        (
+            lambda d: d.update(scene=beside("pen_2")) or d["tools"]["pen"].update(shapes=[BALL, BALL]),
+            "tools.pen.shapes[1].name",
+            "'pen_2', which is already the name of a body",
+            "of its own",
+        ),
+        (
+            lambda d: d["tools"]["pen"].update(shapes=[BALL | {"name": "bead"}]),
+            "tools.pen.shapes[0].name",
+            "'bead', which is already the name of a body of a tool",
+            "of its own",
+        ),
+        (
+            lambda d: d["tools"]["pen"].update(shapes=[BALL | {"name": "forearm"}]),
+            "tools.pen.shapes[0].name",
+            "'forearm', which is already the name of a",
+            "of its own",
+        ),
+        (
+            lambda d: d["tools"]["pen"].update(shapes=[BALL | {"name": "probe"}]),
+            "tools.pen.shapes[0].name",
+            "'probe', which is already the name of a tool",
+            "of its own",
+        ),
         (lambda d: d.update(tool="prob"), "tool", "unknown tool 'prob'", "'probe'"),
         (lambda d: d["task"][3].update(tool="pencil"), "task[3].tool", "unknown tool 'pencil'", "'pen'"),
         (lambda d: d["task"][1].update(tool="probe"), "task[1].tool", "mounted here", "pen, none"),

@@ -18,7 +18,7 @@ from optiplan.problem.constraints.points import OnPlane
 from optiplan.problem.constraints.statements import KINDS
 from optiplan.problem.goals_and_vias import AllOfGoal, JointGoal, PoseGoal, Via
 from optiplan.problem.objectives.objective import Objective
-from optiplan.problem.problem import derived
+from optiplan.problem.problem import Problem, derived
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.seams.actions import Passing, PathEvent, SeamPart, SeamPath, Transit
 from optiplan.problem.seams.curve import SeamCurve
@@ -110,6 +110,26 @@ def test_a_verified_report_counts_its_statements(problem, swing):
     check = verify(problem, swing).checks[-1]
     assert (check.name, check.passed) == ("statements", True)
     assert check.detail == f"{len(list(statements.statements(problem)))} statements of the problem, each with a check"
+
+
+@pytest.mark.parametrize("task", [None, op.Task().move([-1.0, 0.0])], ids=["goal", "task"])
+def test_a_body_that_is_stated_and_not_in_the_scene_is_refused(task):
+    """Whoever lost it: what a file states is counted by the file itself."""
+    goal = {"goal": [-1.0, 0.0]} if task is None else {"task": task}
+    stated = op.Problem("planar2r", [1.0, 0.0], scene=[op.Box("far", (0.1, 0.1, 0.1), position=(9, 9, 9))], **goal)
+    run = op.plan(stated, "quintic")
+    assert run.verified
+    report = verify(Problem.of({**vars(stated), "scene": Scene()}), run.trajectory)
+    assert failed(report) == ["statements"]
+    assert "scene.far" in report.failures[0].detail
+
+
+def test_two_bodies_of_one_name_are_refused(problem, swing):
+    """What may touch, and what was checked, is said by names."""
+    balls = tuple(Obstacle("ball", Sphere(0.1), pin.SE3(np.eye(3), np.full(3, x))) for x in (8.0, 9.0))
+    report = verify(derived(problem, scene=Scene(balls)), swing)
+    assert failed(report) == ["statements"]
+    assert "scene.ball, of which there are 2" in report.failures[0].detail
 
 
 def test_a_fresh_kind_of_constraint_is_refused(problem, swing):

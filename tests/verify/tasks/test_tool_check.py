@@ -68,6 +68,16 @@ def test_what_is_not_as_stated_is_refused(problem, run, change, words):
     assert words in named(report, "tool").detail
 
 
+def test_an_obstacle_named_like_a_body_of_a_tool_stays_and_is_refused(problem, run):
+    wall = op.Box("cap", size=(0.1, 0.1, 0.1), position=(9, 9, 9))
+    pen, scene = problem.tools[1], op.Scene(obstacles=[wall])
+    assert pen.off(pen.on(scene)).obstacles == pen.on(scene).obstacles == (wall,)
+    twice = derived(problem, scene=replace(problem.scene, obstacles=(*problem.scene.obstacles, wall)))
+    report = op.verify(twice, run.trajectory)
+    assert [check.name for check in report.failures] == ["tool"]
+    assert "two bodies called 'cap'" in named(report, "tool").detail
+
+
 def test_a_tool_is_left_in_its_rack_alone(problem, run):
     """Where the link stands 3 mm beside the rack the planner says so, and the verifier refuses the motion."""
     far = replace(problem.tools[0], X_WP=pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.003])) * problem.tools[0].X_WP)
