@@ -123,8 +123,10 @@ class Compiler:
         """Return the joints whose values stand at a place, in the robot's order; None where no such group is known."""
         if place[0] != "task":
             return robot.joint_names
-        group = self.document.data["task"][place[1]][place[2]].get("group")
-        return self.joints_of(robot, group) if group is None or group in robot.groups else None
+        step = self.document.data["task"][place[1]]
+        group = step[place[2]].get("group", step.get("arm"))
+        known = group is None or (isinstance(group, str) and group in robot.groups)
+        return self.joints_of(robot, group) if known else None
 
     def joints_of(self, robot: Robot, group: str | None) -> tuple[str, ...]:
         """Return the joints of a group, in the robot's order; those of the problem without a group."""
@@ -216,7 +218,7 @@ class Compiler:
         if not self._one_each(robot, place, v):
             return None
         for j in np.flatnonzero(np.abs(v) > limit):
-            found = f"{robot.joint_names[j]} = {v[j]:.10g}, beyond its limit"
+            found = f"{robot.joint_names[j]} = {v[j]:.10g} {robot.unit('velocity', int(j))}, beyond its limit"
             self.report((*place, int(j)), found, f"a value in [{-limit[j]:.10g}, {limit[j]:.10g}]")
         return v
 
@@ -249,7 +251,7 @@ class Compiler:
         rates: list[Array | None] = []
         for key in ("velocity", "acceleration"):
             said = getattr(part.value, key)
-            rates.append(None if said is None else np.array(said, float))
+            rates.append(np.array(said, float) if said and any(said) else None)
             if said is not None and not self._one_each(robot, (*part.place, key), said):
                 q = None
         return None if q is None else JointGoal(q, velocity=rates[0], acceleration=rates[1])
@@ -297,15 +299,15 @@ class Compiler:
 
     def _within_limits(self, robot: Robot, place: Place, q: Array) -> bool:
         lower, upper = robot.limits.lower, robot.limits.upper
-        outside = np.flatnonzero(~((q >= lower) & (q <= upper)))
+        outside = np.flatnonzero(~((q >= lower) & (q <= upper))).tolist()
         for j in outside:
-            at = (*place, int(j)) if place[-1] in ("joints", "joints_deg") else place
-            degrees = place[-1] == "joints" and robot.revolute[j] and abs(q[j]) > 2.0 * np.pi
-            self.report(
-                at,
-                f"{robot.joint_names[j]} = {q[j]:.10g}, outside its limits",
-                f"a value in [{lower[j]:.10g}, {upper[j]:.10g}]{' rad; for degrees: joints_deg' if degrees else ''}",
-            )
+            at = (*place, j) if place[-1] in ("joints", "joints_deg") else place
+            degrees = place[-1] == "joints_deg" and bool(robot.revolute[j])
+            value, low, high = np.rad2deg([q[j], lower[j], upper[j]]) if degrees else (q[j], lower[j], upper[j])
+            unit = "degrees" if degrees else robot.unit("position", j)
+            meant = "; for degrees: joints_deg" if not degrees and unit == "rad" and abs(q[j]) > 2.0 * np.pi else ""
+            found = f"{robot.joint_names[j]} = {value:.10g} {unit}, outside its limits"
+            self.report(at, found, f"a value in [{low:.10g}, {high:.10g}] {unit}{meant}")
         return len(outside) == 0
 
     def scene(self, robot: Robot | None) -> Scene:

@@ -16,7 +16,7 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, RobotLoader, link_names
 from optiplan.problem.free_space import touching
 from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, Via
-from optiplan.problem.hashing import problem_hash, shape_files_of
+from optiplan.problem.hashing import problem_hash, say_in_one_way, shape_files_of
 from optiplan.problem.nonzero_ends import StatedState, impossible_states
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.partial import LocatedValue, mapping
@@ -25,7 +25,6 @@ from optiplan.problem.schema.joint_names import Orders, joint_orders, with_lists
 from optiplan.problem.schema.loops import written_out
 from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.problem.schema.safety import safety_of
-from optiplan.problem.schema.scene import MotionSpec
 from optiplan.problem.schema.side_by_side import in_words_of, with_groups_of_arms, with_one_robot
 from optiplan.problem.tools.reading import ToolsInUse, as_frames, read_tools, without_tools
 from optiplan.problem.tools.tool import MountedTool
@@ -319,7 +318,7 @@ def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[d
     """
     source = spec.model_dump(mode="json", exclude_none=True, by_alias=True)
     source["name"] = spec.name or name
-    _in_one_form(source["scene"])
+    say_in_one_way(source)
     for step in source.get("task", ()):
         if "tour" in step:
             from optiplan.problem.task.target_files import targets_data
@@ -334,14 +333,6 @@ def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[d
     for mesh in shape_files_of(source):
         mesh["file"] = str((base / mesh["file"]).resolve())
     return source, digest
-
-
-def _in_one_form(scene: dict[str, Any]) -> None:
-    """Say in one way what may be said in several: pairs in any order, polynomials with zeros at their end."""
-    scene["allowed_collisions"] = sorted(sorted(pair) for pair in scene["allowed_collisions"])
-    for body in scene["obstacles"]:
-        if "motion" in body:
-            body["motion"] = MotionSpec(**body["motion"]).about(body["pose"]["position"]).to_data()
 
 
 def _named(spec: ProblemSpec, robot: Robot) -> Any:

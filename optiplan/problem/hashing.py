@@ -1,4 +1,4 @@
-"""Hash of a problem's content, independent of where its files are."""
+"""Hash of a problem's content, independent of where its files are and of how it is said."""
 
 import copy
 import hashlib
@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from optiplan.files import read_bytes
+from optiplan.problem.schema.joint_names import ends_of
+from optiplan.problem.schema.scene import MotionSpec
 from optiplan.robot.robot import Robot
 
 
@@ -41,6 +43,22 @@ def shape_files_of(data: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         for stated in body["shape"].values():
             if isinstance(stated, dict) and "file" in stated:
                 yield stated
+
+
+def say_in_one_way(data: dict[str, Any]) -> None:
+    """Say once what may be said in several ways, in the data of a problem, which are changed in place.
+
+    That is pairs in any order, polynomials with zeros at their end, and rest at an end: it has no rates.
+    """
+    scene = data["scene"]
+    scene["allowed_collisions"] = sorted(sorted(pair) for pair in scene["allowed_collisions"])
+    for body in scene["obstacles"]:
+        if "motion" in body:
+            body["motion"] = MotionSpec(**body["motion"]).about(body["pose"]["position"]).to_data()
+    for place, end in ends_of(data, ("move",)):
+        for key in ("velocity", "acceleration"):
+            if "via" not in place and key in end and not any(end[key]):
+                del end[key]  # type: ignore[attr-defined]  # it is the data of a file, as dictionaries
 
 
 def _digest(file: Path) -> str:

@@ -29,14 +29,14 @@ BAD = [
         "one for each of shoulder, elbow",
     ),
     (GOAL, "{joints: [1, 2, 3]}", 4, "goal.joints", "3 values", "2 values, one for each of shoulder, elbow"),
-    (GOAL, "{joints: [1, 2.95]}", 4, "goal.joints[1]", "elbow = 2.95, outside its limits", "[-2.9, 2.9]"),
+    (GOAL, "{joints: [1, 2.95]}", 4, "goal.joints[1]", "elbow = 2.95 rad, outside its limits", "[-2.9, 2.9]"),
     (GOAL, "{configuration: bend}", 4, "goal.configuration", "unknown configuration 'bend'", "did you mean 'bent'"),
     (
         GOAL,
         "{any_of: [{joints: [0, 0]}, {joints: [-4, 0]}]}",
         4,
         "goal.any_of[1].joints[0]",
-        "shoulder = -4, outside",
+        "shoulder = -4 rad, outside",
         "[-3, 3]",
     ),
     (

@@ -45,6 +45,7 @@ def test_rest_is_said_in_one_way():
     still = op.Problem("panda", zeros, REACH.goal[0])
     assert still.hash == op.Problem("panda", REACH.start, REACH.goal[0]).hash
     assert not still.nonzero_ends
+    assert still.source["start"].keys() == {"joints"}
 
 
 def test_a_goal_of_several_states():
@@ -66,8 +67,10 @@ def test_rates_beyond_limits_are_refused():
 
 
 def test_other_counts_and_other_ends_are_refused():
-    words = refusal(lambda: op.Problem("panda", {"joints": REACH.start.tolist(), "velocity": [0.1]}, REACH.goal[0]))
-    assert "start.velocity: 1 values; expected 7 values" in words
+    for few in ([0.1], [0.0], []):
+        start = {"joints": REACH.start.tolist(), "velocity": few}
+        words = refusal(lambda start=start: op.Problem("panda", start, REACH.goal[0]))
+        assert f"start.velocity: {len(few)} values; expected 7 values" in words
     pose = {"pose": {"position": [0.5, 0, 0.5]}, "velocity": [0.1] * N}
     assert "velocity with pose" in refusal(lambda: REACH.with_goal(pose))
 

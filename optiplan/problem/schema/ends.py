@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Annotated, ClassVar, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from optiplan.config.built_later import BuiltLater
 from optiplan.config.document import Strict
@@ -22,10 +22,6 @@ CONFIGURATIONS = ("joints", "joints_deg", "configuration")
 """How a configuration can be said."""
 
 _NAMED = f"{', '.join(CONFIGURATIONS[:-1])} or {CONFIGURATIONS[-1]}"
-
-
-Rates = Annotated[JointValues | None, AfterValidator(lambda rates: rates if rates and any(rates) else None)]
-"""One value per planned joint; zeros are as good as nothing, so that rest is said in one way."""
 
 
 class ConfigurationSpec(Strict):
@@ -50,8 +46,8 @@ class StartSpec(ConfigurationSpec, ExactlyOne):
 
     BESIDE: ClassVar[frozenset[str]] = frozenset({"velocity", "acceleration"})
 
-    velocity: Rates = None
-    acceleration: Rates = None
+    velocity: JointValues | None = None
+    acceleration: JointValues | None = None
 
     @model_validator(mode="after")
     def _state(self) -> Self:

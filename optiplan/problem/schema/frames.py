@@ -7,7 +7,7 @@ A frame or an obstacle with a `motion` moves, and what is said in it moves along
 a move, an approach or a line of a task `rides` with it. Their poses are then those without any displacement.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -15,24 +15,25 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from optiplan.config.document import Document
+from optiplan.config.document import Document, validate
 from optiplan.config.messages import choices, describe
-from optiplan.errors import Issue
+from optiplan.config.values import Vector
+from optiplan.errors import InputError, Issue
+from optiplan.geometry.pose import PoseSpec, pose_of
 from optiplan.geometry.poses import pose_from_data, pose_to_data
-from optiplan.problem.partial import mapping
+from optiplan.problem.partial import fit, mapping
+from optiplan.problem.schema.scene import OF_LINES, WORLD
 from optiplan.robot.robot import Robot
 
-WORLD = "world"
 OWN = ("in", "offset", "position", "rpy", "rpy_deg", "quaternion")
 """Keys of a pose that say where it is."""
 FARTHEST = 5.0
 """m; an offset that is longer was meant in mm."""
-NOT_POSES = frozenset({"by", "distance", "pose", "speed"})
-"""Keys of lines, whose direction is said `in` the world or the tool."""
-OF_REGIONS = frozenset({"along", "about"})
-"""Keys of a region, whose `offset` is its own."""
-_LISTS = frozenset({"targets", "points"})
-"""Lists of a tour and of a path, whose poses may have an axis."""
+POSES = frozenset({"base", "parked", "pose", "region"})
+"""Keys under which a pose stands."""
+LISTS = {"any_of": "approach", "points": "path", "targets": "tour"}
+"""Keys under which poses stand in a list, each with the step that has it; those of a path and a tour may have an axis.
+"""
 RIDING = frozenset({"move", "approach", "line", "pick", "place"})
 """Steps whose poses may be in what moves."""
 APART = ("robot", "frames")
@@ -59,7 +60,10 @@ class FrameReader:
                 if one.get("motion") is not None:
                     self._motions[name] = ("scene", "obstacles", k, "motion"), one["motion"]
         self.issues: list[Issue] = []
-        for name, pose in mapping(root.get("frames")).items():
+        frames = root.get("frames")
+        if frames is not None and not isinstance(frames, Mapping):
+            self._report(("frames",), describe(frames), "poses by name: {tray: {in: …, position: […], rpy: […]}}")
+        for name, pose in mapping(frames).items():
             self._add(name, pose)
         self._known: dict[str, pin.SE3 | None] = {WORLD: pin.SE3.Identity()}
         self._base = mapping(root.get("base"))
@@ -74,8 +78,8 @@ class FrameReader:
 
     def _add(self, name: str, pose: Any) -> None:
         place: Place = ("frames", name)
-        if name == WORLD or name in self._said:
-            taken = "the world's own name" if name == WORLD else "the name of an obstacle"
+        if name in OF_LINES or name in self._said:
+            taken = f"the {name}'s own name" if name in OF_LINES else "the name of an obstacle"
             self._report(place, f"'{name}', {taken}", "a name that nothing else has")
         elif not isinstance(pose, Mapping):
             self._report(place, describe(pose), "a pose: {in: …, position: […], rpy: […]}")
@@ -163,20 +167,37 @@ class FrameReader:
             found = f"a circle of frames: {' in '.join([*way, parent])}"
             self._report((*place, "in"), found, "frames that lead to the world")
             return None
+        if "in" in pose and self._is_carried(place):
+            expected = "a pose in the frame of the link that carries the targets, without `in`"
+            self._report((*place, "in"), f"{describe(parent)} beside `carried_by`", expected)
+            return None
         X_WF = self.pose_of(parent, (*way, parent))
-        offset = {} if _is_region(pose) else mapping(pose.get("offset"))
-        if wrong := [key for key in offset if key not in OWN[2:]]:
-            self._report((*place, "offset", wrong[0]), "a key that an offset does not have", choices(wrong[0], OWN[2:]))
-            return None
-        try:
-            X_FB, X_BO = pose_from_data(pose), pose_from_data(offset)
-        except (TypeError, ValueError):  # the check of the pose says what is wrong with it; not so of offset and frames
-            if place[0] == "frames" or offset:
-                self._report(place, "a pose that cannot be read", "position: [x, y, z], m, and at most one rotation")
-            return None
-        if (far := max(abs(float(x)) for x in X_BO.translation)) > FARTHEST:
+        X_FB = self._read(place, {key: pose[key] for key in OWN[2:] if key in pose}, place[0] == "frames")
+        X_BO = self._offset(place, pose)
+        return None if X_WF is None or X_FB is None or X_BO is None else X_WF * X_FB * X_BO
+
+    def _offset(self, place: Place, pose: Mapping[str, Any]) -> pin.SE3 | None:
+        """Return X_BO, the identity of what has none."""
+        if "offset" not in pose or _is_region(place):
+            return pin.SE3.Identity()
+        X_BO = self._read((*place, "offset"), pose["offset"], True)
+        if X_BO is not None and (far := float(np.abs(X_BO.translation).max())) > FARTHEST:
             self._report((*place, "offset", "position"), f"{far:g} m", f"metres, at most {FARTHEST:g}")
-        return None if X_WF is None else X_WF * X_FB * X_BO
+        return X_BO
+
+    def _read(self, place: Place, data: Any, told: bool) -> pin.SE3 | None:
+        """Return a pose of the file; None where it is none, which is `told` here where no other check says it."""
+        try:
+            return pose_of(validate(PoseSpec, Document(self._document.path, data, {})))
+        except InputError as error:
+            for issue in error.issues if told else ():
+                self._report((*place, *issue.path), issue.found, issue.expected)
+            return None
+
+    def _is_carried(self, place: Place) -> bool:
+        """Whether this is a target of a tour that a link of the robot carries."""
+        tour = _at(self._document.data, place[:3]) if place[2:4] == ("tour", "targets") else None
+        return mapping(tour).get("carried_by") is not None
 
     def all_along(self, data: Mapping[str, Any], moving: Sequence[tuple[Place, str, Any]]) -> None:
         """Report steps of which one end moves with something, and another does not."""
@@ -234,41 +255,46 @@ def _listed(value: Any) -> list[Any]:
     return value if isinstance(value, list) else []
 
 
-def _is_placed(value: Any) -> bool:
-    """Whether it is a pose in a frame, or with an offset; the directions of lines have `in`, and regions `offset`."""
-    if not isinstance(value, Mapping) or not NOT_POSES.isdisjoint(value):
+def _is_placed(value: Any, place: Place) -> bool:
+    """Whether it is a pose in a frame, or with an offset; that of a region is its own."""
+    if not place or not isinstance(value, Mapping) or not _is_pose(place):
         return False
-    return "in" in value or (isinstance(value.get("offset"), Mapping) and "position" in value and not _is_region(value))
+    return "in" in value or ("offset" in value and not _is_region(place))
 
 
-def _never_in_world(place: Place, key: str | int) -> bool:
-    """Whether the poses there are in a frame of their own: a link, another frame, the pose that an offset goes on."""
-    of_tool = place[:1] in (("tool",), ("tools",)) and key in ("tcp", "shapes")
-    held = place[:2] == ("scene", "attached") and key == "pose"
-    return of_tool or held or (len(place) > 1 and key in ("relative_pose", "offset"))
+def _is_pose(place: Place) -> bool:
+    """Whether a pose stands there that is not in a frame of its own, as what a link holds is."""
+    if place[:2] == ("scene", "attached") or (place[0] in ("tool", "tools") and place[-1] != "parked"):
+        return False
+    return place[-1] in POSES or _is_listed(place, LISTS)
 
 
-def _is_region(value: Mapping[str, Any]) -> bool:
-    return not OF_REGIONS.isdisjoint(value)
+def _is_listed(place: Place, lists: Container[Any]) -> bool:
+    """Whether it is an item of a list of a step, one of `lists`."""
+    return place[0] == "task" and len(place) == 5 and place[3] in lists and place[2] == LISTS.get(str(place[3]))
+
+
+def _is_region(place: Place) -> bool:
+    return place[0] != "frames" and place[-1] == "region"
 
 
 def _placed(data: Any, place: Place = ()) -> Iterator[tuple[Place, Mapping[str, Any]]]:
     """Poses in frames below a place."""
-    if _is_placed(data):
+    if _is_placed(data, place):
         yield place, data
         return
     items = data.items() if isinstance(data, Mapping) else enumerate(data) if isinstance(data, list) else ()
     for key, value in items:
-        if (place or key not in APART) and not _never_in_world(place, key):
+        if place or key not in APART:
             yield from _placed(value, (*place, key))
 
 
 def _replaced(data: Any, poses: Mapping[Place, pin.SE3 | None], place: Place) -> Any:
     if place in poses:
-        own = set(OWN) - ({"offset"} if _is_region(data) else set())
+        own = set(OWN) - ({"offset"} if _is_region(place) else set())
         pose, kept = poses[place], {key: value for key, value in data.items() if key not in own}
         stated = {key: data[key] for key in OWN[2:] if key in data} if pose is None else pose_to_data(pose)
-        if pose is not None and not _LISTS.isdisjoint(place):
+        if pose is not None and _is_listed(place, ("points", "targets")):
             stated = _listed_pose(data, pose, stated, "points" in place)
         return {**kept, **stated}
     if isinstance(data, Mapping):
@@ -279,14 +305,17 @@ def _replaced(data: Any, poses: Mapping[Place, pin.SE3 | None], place: Place) ->
 def _listed_pose(data: Mapping[str, Any], X_WB: pin.SE3, stated: dict[str, Any], points: bool) -> dict[str, Any]:
     """Return a target or a point whose pose is `stated` in the world: with an axis, or as it is.
 
-    A point without a rotation of its own has none in a frame either.
+    A point without a rotation of its own has none in a frame either. What is no vector, and a rotation beside an axis,
+    stays as it is written, for the check of the pose.
     """
-    found = dict(stated)
-    if len(axis := _listed(data.get("axis"))) == 3:
-        found = {"position": stated["position"], "axis": (X_WB.rotation @ np.array(axis, float)).tolist()}
-    elif points and not {"offset", *OWN[3:]} & data.keys():
+    found, turned = dict(stated), {key: data[key] for key in OWN[3:] if key in data}
+    if (axis := data.get("axis")) is not None:
+        found = {"position": stated["position"], **turned}
+        if (along := fit(Vector, axis)) is not None:
+            found["axis"] = (X_WB.rotation @ np.array(along)).tolist()
+    elif points and not turned and "offset" not in data:
         found = {"position": stated["position"]}
-    if points and len(through := _listed(data.get("through"))) == 3:
+    if points and (through := fit(Vector, data.get("through"))) is not None:
         X_WF = X_WB * pose_from_data(mapping(data.get("offset"))).inverse() * pose_from_data(data).inverse()
-        found["through"] = X_WF.act(np.array(through, float)).tolist()
+        found["through"] = X_WF.act(np.array(through)).tolist()
     return found

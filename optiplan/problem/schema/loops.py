@@ -139,7 +139,10 @@ class LoopReader:
                 (*place, "do"), f"a circle of tasks: {' does '.join([*way, name])}", "steps that come to an end"
             )
         else:
-            given = self._filled(mapping(step.get("with")), (*place, "with"), values)
+            said = step.get("with", {})
+            if not isinstance(said, Mapping):
+                self.report((*place, "with"), describe(said), "values by name, such as {height: 0.2}")
+            given = self._filled(mapping(said), (*place, "with"), values)
             yield from self.steps(steps, ("tasks", name), {**values, **given}, (*way, name))
 
     def _filled(self, data: Any, place: Place, values: Values) -> Any:

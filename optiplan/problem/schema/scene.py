@@ -23,6 +23,10 @@ from optiplan.geometry.shapes import SHAPES, ShapeSpec
 LARGEST_MASS = 1e6
 """kg; nothing that an arm can hold."""
 
+WORLD = "world"
+OF_LINES = (WORLD, "tool")
+"""What the direction of a line is said in, unless that moves: no frame has these names, nor what moves."""
+
 Polynomial = Annotated[tuple[Coordinate, ...], Field(min_length=1, max_length=10)]
 """Coefficients in ascending powers."""
 
@@ -68,12 +72,18 @@ class MovingFrameSpec(PoseSpec):
 
 
 class ObstacleSpec(Strict):
-    """A shape that stands still at `pose` in the world, or moves from there as stated."""
+    """A shape that stands still at `pose` in the world, or moves from there as stated; it is a frame of its name."""
 
     name: Name
     shape: ShapeSpec
     pose: PoseSpec = PoseSpec.model_construct()
     motion: MotionSpec | None = None
+
+    @model_validator(mode="after")
+    def _own_name(self) -> Self:
+        if self.name == WORLD or (self.motion is not None and self.name in OF_LINES):
+            raise ValueError(f"found an obstacle called {self.name}; expected another name, since poses are `in` it")
+        return self
 
     @model_validator(mode="after")
     def _bounded_motion(self) -> Self:

@@ -36,7 +36,7 @@ def with_groups_of_arms(document: Document) -> tuple[Document, list[Issue]]:
 
 
 def _with_group(step: Any) -> Any:
-    if not isinstance(step, dict) or "arm" not in step:
+    if not isinstance(step, dict) or not isinstance(step.get("arm"), str):
         return step
     said = {key: {"group": step["arm"], **step[key]} for key in GROUPED if isinstance(step.get(key), dict)}
     return {**step, **said}

@@ -18,7 +18,7 @@ from optiplan.problem.goals_and_vias import PoseGoal
 from optiplan.problem.grasps.places import unbounded
 from optiplan.problem.partial import fit, mapping
 from optiplan.problem.regions.region import RegionGoal
-from optiplan.problem.schema.scene import MovingFrameSpec
+from optiplan.problem.schema.scene import OF_LINES, MovingFrameSpec
 from optiplan.problem.schema.task import ApproachSpec, RetreatSpec, StraightLineSpec, TaskStepSpec
 from optiplan.problem.task.rides import LONGEST, Mover, Ride, WaitUntil, split_condition
 from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine
@@ -26,8 +26,6 @@ from optiplan.robot.robot import Robot
 
 FREE = frozenset({"move", "approach"})
 """Steps that begin a ride where their ends move, and end one where they do not."""
-
-_AXES = ("world", "tool")
 
 _ALONG = 1e-6
 """rad between a direction and the axis of a turn along which it counts as one along it."""
@@ -108,7 +106,7 @@ class RideReader:
         if name == "tool":
             return None
         if name != "world" and name not in self.movers:
-            self._compiler.unknown((*place, "in"), "frame", name, [*_AXES, *self.movers])
+            self._compiler.unknown((*place, "in"), "frame", name, [*OF_LINES, *self.movers])
         elif name != "world" and (self.now is None or self.now.mover.motion.key != self.movers[name].motion.key):
             found = f"'{name}', which moves, while the arm does not go with it"
             self._report((*place, "in"), found, f"a move or an approach to a pose `in: {name}` before")

@@ -73,7 +73,10 @@ def test_sliding_joints_are_in_metres_among_degrees(tmp_path):
     [
         ("{joints: [0, -90, 90, -90, -90, 0]}", r"joints\[1\]: .*outside its limits.*for degrees: joints_deg"),
         ("{joints: [0], joints_deg: [0]}", "exactly one of: joints, joints_deg, configuration"),
-        ("{joints_deg: [0, -900, 90, -90, -90, 0]}", r"joints_deg\[1\]: .*outside its limits"),
+        (
+            "{joints_deg: [0, -900, 90, -90, -90, 0]}",
+            r"joints_deg\[1\]: .* = -900 degrees, outside its limits; .* \[-360, 360\] degrees",
+        ),
         ("{joints_deg: [0, true, 90, -90, -90, 0]}", r"joints_deg\[1\]"),
         ("{joints_deg: [0]}", "1 values; expected 6 values"),
     ],

@@ -39,7 +39,7 @@ def test_all_that_a_via_can_say(write):
     ("via", "line", "field", "found", "expected"),
     [
         ("[{joints: [0]}]", 12, "via[0].joints", "1 values", "2 values, one for each of shoulder, elbow"),
-        ("[{joints: [0, 9]}]", 12, "via[0].joints[1]", "elbow = 9, outside its limits", "[-2.9, 2.9]"),
+        ("[{joints: [0, 9]}]", 12, "via[0].joints[1]", "elbow = 9 rad, outside its limits", "[-2.9, 2.9]"),
         ("[{configuration: bend}]", 12, "via[0].configuration", "unknown configuration 'bend'", "'bent'"),
         ("[{pose: {frame: hands, position: [1, 0, 0]}}]", 12, "via[0].pose.frame", "unknown frame 'hands'", "'hand'"),
         ("[{joints: [0, 0], configuration: bent}]", 12, "via[0]", "joints and configuration", "exactly one of"),
@@ -50,7 +50,7 @@ def test_all_that_a_via_can_say(write):
             "[{joints: [0, 0], velocity: [0, 90]}]",
             12,
             "via[0].velocity[1]",
-            "elbow = 90, beyond its limit",
+            "elbow = 90 rad/s, beyond its limit",
             "a value in",
         ),
         ("[{joints: [0, 0], when: 1}]", 12, "via[0].when", "when", "time"),

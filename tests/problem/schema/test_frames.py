@@ -114,12 +114,50 @@ OTHERS = {
 }
 
 
-@pytest.mark.parametrize("field", OTHERS)
-def test_a_pose_in_a_link_or_in_another_pose_has_no_frame(field):
+NO_POSES = {
+    "path_constraints[0].fixed_orientation.in": {
+        "path_constraints": [{"fixed_orientation": {"in": "table", "rpy": [3.1, 0, 0], "within": 0.1}}]
+    },
+    "path_constraints[0].plane.in": {
+        "path_constraints": [{"plane": {"in": "table", "normal": [0, 0, 1], "offset": 0.5, "within": 1.0}}]
+    },
+    "scene.obstacles[1].in": {"scene": {"obstacles": [TABLE, {"name": "b", "in": "table", "shape": {"sphere": 0.1}}]}},
+    "goal.in": {"goal": {"in": "table", "joints": [0.0] * 7}},
+}
+
+
+@pytest.mark.parametrize(("field", "more"), (OTHERS | NO_POSES).items(), ids=OTHERS | NO_POSES)
+def test_what_is_no_pose_or_one_in_a_link_or_another_pose_has_no_frame(field, more):
     with pytest.raises(InputError) as caught:
-        problem_from_dict(problem(**OTHERS[field]))
+        problem_from_dict(problem(**more))
     assert [issue.field for issue in caught.value.issues] == [field]
     assert "unknown key 'in'" in str(caught.value)
+
+
+BELT = {"motion": {"polynomial": [[0], [0, 0.1], [0]]}}
+FAR = {"shape": {"sphere": 0.1}, "pose": {"position": [9, 9, 9]}}
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"frames": ["tray"], "goal": {"configuration": "ready"}}, "frames: a list of 1 value; expected poses by name"),
+        (
+            {"goal": {"pose": {"in": "table", "position": [0, 0, "0.3"]}}},
+            "goal.pose.position[2]: '0.3'; expected a num",
+        ),
+        ({"frames": {"slot": {"position": [0, 0, "0.3"]}}}, "frames.slot.position[2]: '0.3'; expected a number"),
+        ({"goal": {"pose": {**GOAL, "offset": 3}}}, "goal.pose.offset: 3; expected a mapping"),
+        ({"goal": {"pose": {**GOAL, "offset": {"z": 1}}}}, "goal.pose.offset.z: unknown key 'z'"),
+        ({"frames": {"slot": {}, "tool": BELT}}, "frames.tool: 'tool', the tool's own name"),
+        ({"scene": {"obstacles": [TABLE, {"name": "world", **FAR}]}}, "scene.obstacles[1]: an obstacle called world"),
+        ({"scene": {"obstacles": [TABLE, {"name": "tool", **FAR, **BELT}]}}, "an obstacle called tool"),
+    ],
+)
+def test_frames_and_poses_in_them_are_of_the_right_kind(more, words):
+    with pytest.raises(InputError) as caught:
+        problem_from_dict(problem(**more))
+    assert words in str(caught.value)
 
 
 def test_editors_know_the_keys():

@@ -127,8 +127,16 @@ def test_a_missing_joint_is_named(tmp_path):
     assert found.expected == f"a value of each joint: {', '.join(NAMES)}"
 
 
+@pytest.mark.parametrize(("key", "beside"), [("move", {"group": ["arm"]}), ("arm", {})])
+def test_a_group_that_is_no_name_is_reported_alone(tmp_path, key, beside):
+    step = {"move": {"joints": named(READY), **beside}, **({"arm": ["arm"]} if key == "arm" else {})}
+    found = issue(written(tmp_path, {"robot": "panda", "start": {"joints": READY}, "task": [step]}))
+    assert found.field == ("task[0].arm" if key == "arm" else "task[0].move.group")
+    assert (found.found, found.expected) == ("a list of 1 value", "text")
+
+
 def test_a_value_that_does_not_fit_is_named(tmp_path):
-    for value, words in (("0.1", "'0.1'"), (9.0, "panda_joint3 = 9, outside its limits")):
+    for value, words in (("0.1", "'0.1'"), (9.0, "panda_joint3 = 9 rad, outside its limits")):
         data = {"start": {"joints": named(READY) | {"panda_joint3": value}}, "goal": {"joints": GOAL}}
         found = issue(written(tmp_path, {"robot": "panda"} | data))
         assert (found.field, found.found) == ("start.joints.panda_joint3", words)

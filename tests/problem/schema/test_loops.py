@@ -65,6 +65,7 @@ def wrong(old, new):
         ("{i: 0..1, j: [0, 2]}", "7", 6, "values by name"),
         ("    steps:\n      - {move", "    step:\n      - {move", 7, "did you mean 'steps'"),
         ("do: dip", "do: dipp", 9, "did you mean 'dip'"),
+        ('{depth: "=0.02 * (i + 1)"}', "3", 10, "values by name, such as {height: 0.2}"),
         ('"=-depth"', '"=-dept"', 16, "did you mean 'depth'"),
         ('"=-depth"', '"=depth.real"', 16, "an expression such as"),
         ('"=-depth"', '"=1 / 0"', 16, "an expression such as"),

@@ -68,6 +68,25 @@ def test_targets_stand_in_frames():
 
 
 @pytest.mark.parametrize(
+    ("kind", "one", "more", "found"),
+    [
+        ("tour", {"axis": [0, 0, "down"]}, {}, r"targets\[0\]\.axis\[2\]: 'down'; expected a number"),
+        ("tour", {"axis": [0, 0, "-1"]}, {}, r"targets\[0\]\.axis\[2\]: '-1'; expected a number"),
+        ("tour", {"axis": [0, 0, -1], "rpy": [0, 0, 0]}, {}, "both an axis and a rotation"),
+        ("tour", DOWN, {"carried_by": "wrist_3_link"}, r"\[0\]\.in: 'tray' beside `carried_by`; expected a pose in"),
+        ("path", {"axis": [0, 0, -1], "quaternion": [0, 0, 0, 1]}, {"speed": 0.1}, "both an axis and a rotation"),
+        ("path", {"through": [0, "a", 1]}, {"speed": 0.1}, r"points\[0\]\.through\[1\]: 'a'; expected a number"),
+    ],
+)
+def test_targets_and_points_in_frames_are_checked_as_they_are_written(kind, one, more, found):
+    several = [{"in": "tray", "position": [0.4, 0.1 * k, 0.3], **(one if k == 0 else {})} for k in range(2)]
+    step = {kind: {"targets" if kind == "tour" else "points": several, **more}}
+    data = {"version": 1, "robot": "ur5", "start": {"configuration": "ready"}, "frames": {"tray": {}}}
+    with pytest.raises(InputError, match=found):
+        problem_from_dict({**data, "task": [step]})
+
+
+@pytest.mark.parametrize(
     ("targets", "tour", "found"),
     [
         ([A, {**B, "name": "a"}], {}, r"targets\[1\].name: 'a', the name of target 1"),
