@@ -139,8 +139,8 @@ class LoopReader:
                 (*place, "do"), f"a circle of tasks: {' does '.join([*way, name])}", "steps that come to an end"
             )
         else:
-            said = step.get("with", {})
-            if not isinstance(said, Mapping):
+            said = step.get("with")
+            if said is not None and not isinstance(said, Mapping):
                 self.report((*place, "with"), describe(said), "values by name, such as {height: 0.2}")
             given = self._filled(mapping(said), (*place, "with"), values)
             yield from self.steps(steps, ("tasks", name), {**values, **given}, (*way, name))
