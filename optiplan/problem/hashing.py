@@ -1,14 +1,61 @@
-"""Hash of a problem's content, independent of where its files are."""
+"""Identity of a problem: its source as plain data, and the hash of its content, wherever its files are."""
 
 import copy
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from optiplan.files import read_bytes
-from optiplan.robot.robot import Robot
+from optiplan.problem.schema.scene import MotionSpec
+from optiplan.robot.robot import Robot, robot_names
+
+if TYPE_CHECKING:
+    from optiplan.problem.schema.problem import ProblemSpec
+
+
+def source_of(spec: "ProblemSpec", name: str, base: Path, robot: Robot) -> tuple[dict[str, Any], str]:
+    """`Problem.source` and `Problem.hash`: the file's content with absolute paths, and its identity.
+
+    Args:
+        spec: the validated file.
+        name: of the problem, when the file gives none.
+        base: folder that meshes are relative to.
+        robot: as loaded for the problem.
+    """
+    source = spec.model_dump(mode="json", exclude_none=True, by_alias=True)
+    source["name"] = spec.name or name
+    _in_one_form(source["scene"])
+    for step in source.get("task", ()):
+        if "tour" in step:
+            from optiplan.problem.task.target_files import targets_data
+
+            step["tour"]["targets"] = targets_data(step["tour"]["targets"], base)
+        if "path" in step:
+            from optiplan.problem.seams.reading import with_points
+
+            step["path"] = with_points(step["path"], base)
+    digest = problem_hash(source, base, robot)
+    source["robot"] = _named(spec, robot)
+    for mesh in shape_files_of(source):
+        mesh["file"] = str((base / mesh["file"]).resolve())
+    return source, digest
+
+
+def _in_one_form(scene: dict[str, Any]) -> None:
+    """Say in one way what may be said in several: pairs in any order, polynomials with zeros at their end."""
+    scene["allowed_collisions"] = sorted(sorted(pair) for pair in scene["allowed_collisions"])
+    for body in scene["obstacles"]:
+        if "motion" in body:
+            body["motion"] = MotionSpec(**body["motion"]).about(body["pose"]["position"]).to_data()
+
+
+def _named(spec: "ProblemSpec", robot: Robot) -> Any:
+    """Return `robot:` with absolute paths."""
+    if isinstance(spec.robot, str):
+        return spec.robot if spec.robot in robot_names() else str(robot.source)
+    return robot.reference.robot
 
 
 def problem_hash(data: Mapping[str, Any], base: Path, robot: Robot) -> str:

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
 from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
 from optiplan.geometry.pose import PoseGoalSpec
