@@ -11,7 +11,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.config.document import plain
 from optiplan.errors import described, wrong_argument
-from optiplan.geometry.pose import Pose, Values, checked
+from optiplan.geometry.pose import Pose, Values, checked, place_data
 from optiplan.problem.grasps.statement import Grasps
 from optiplan.problem.schema.joint_names import lists_of
 from optiplan.problem.schema.picks import KINDS, STEP
@@ -333,12 +333,7 @@ def _target(one: Any, name: str, argument: str, plain_points: bool) -> Mapping[s
         return one
     if plain_points and isinstance(one, Sequence | np.ndarray) and not isinstance(one, str) and len(one) == 3:
         return {"position": one}
-    if not isinstance(one, Pose):
-        raise wrong_argument(name, argument, described(one), "a Pose, or a mapping")
-    data = one.to_data()
-    if data.keys() & {"frame", "tolerance"}:
-        raise wrong_argument(name, argument, "a frame or tolerance of its own", "one of the whole step")
-    return data
+    return place_data(one, name, argument, "op.Pose(position, rpy=…), or a mapping")
 
 
 def task_data(task: Any) -> list[Any]:
