@@ -241,7 +241,8 @@ def _with_safety(compiler: Compiler, spec: ProblemSpec | None, robot: Robot | No
     clearance = None if spec is None else spec.clearance
     safety, unsafe = safety_of(compiler.document, clearance, scene, [*links, *tools], robot)
     safety = safety if robot is None else with_built(safety, robot)
-    return scene if safety is None else replace(scene, safety=safety), unsafe
+    unwished = clearance is not None and safety is None
+    return scene if clearance is None else replace(scene, safety=safety, unwished=unwished), unsafe
 
 
 def _parts(compiler: Compiler, bare: Robot, stated: Scene) -> _ProblemParts:
