@@ -155,6 +155,22 @@ class Pose:
         return f"Pose({', '.join(f'{name}={value!r}' for name, value in given.items() if value is not None)})"
 
 
+def place_data(pose: Any, function: str, argument: str, expected: str = "op.Pose(position, rpy=…)") -> dict[str, Any]:
+    """Return where something is, an `op.Pose` or `pinocchio.SE3`, by the keys of a problem file.
+
+    Raises:
+        InputError: neither, or with a frame or tolerances of its own, which count for a goal alone.
+    """
+    if isinstance(pose, pin.SE3):
+        return pose_to_data(pose)
+    if not isinstance(pose, Pose):
+        raise wrong_argument(function, argument, described(pose), expected)
+    data = pose.to_data()
+    if own := [key for key in ("frame", "tolerance") if key in data]:
+        raise wrong_argument(function, argument, f"a pose with a {own[0]} of its own", expected)
+    return data
+
+
 def checked(spec: type[Spec], data: Mapping[str, Any], function: str, names: Mapping[str, str]) -> Spec:
     """Validate data by a class of the schema; issues name the arguments of the call.
 

@@ -1,11 +1,10 @@
 """Turn problem data into models and arrays, or report every issue."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optiplan.arrays import Array
 from optiplan.collision.floors import with_built
 from optiplan.collision.kept_models import collision_model
 from optiplan.config.document import Document, validate
@@ -13,10 +12,10 @@ from optiplan.config.messages import field_name
 from optiplan.errors import InputError, Issue
 from optiplan.geometry.safety import WISHED
 from optiplan.geometry.scene import Scene
-from optiplan.problem.builder import Compiler, RobotLoader, link_names
+from optiplan.problem.builder import HIT, Compiler, RobotLoader, link_names
 from optiplan.problem.free_space import touching
 from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, Via
-from optiplan.problem.hashing import problem_hash, say_in_one_way, shape_files_of
+from optiplan.problem.hashing import source_of
 from optiplan.problem.nonzero_ends import StatedState, impossible_states
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.partial import LocatedValue, mapping
@@ -28,10 +27,9 @@ from optiplan.problem.schema.safety import safety_of
 from optiplan.problem.schema.side_by_side import in_words_of, with_groups_of_arms, with_one_robot
 from optiplan.problem.tools.reading import ToolsInUse, as_frames, read_tools, without_tools
 from optiplan.problem.tools.tool import MountedTool
-from optiplan.problem.tracking_error import error_of_joints, nearer_than_error
+from optiplan.problem.tracking_error import StatedEnd, error_of_joints, nearer_than_error
 from optiplan.robot.given_configurations import wrong_names
-from optiplan.robot.limits import Limits
-from optiplan.robot.robot import Robot, load_robot, robot_names
+from optiplan.robot.robot import Robot, load_robot
 
 if TYPE_CHECKING:
     from optiplan.problem.constraints.statements import PathConstraint
@@ -59,6 +57,11 @@ class _ProblemParts:
     def joint_goals(self) -> list[LocatedValue[JointGoal]]:
         """The goals of joint values."""
         return [LocatedValue(end.place, end.value) for end in self.goal if isinstance(end.value, JointGoal)]
+
+    @property
+    def joint_vias(self) -> list[LocatedValue[JointGoal]]:
+        """The vias of joint values."""
+        return [LocatedValue(via.place, via.value.at) for via in self.vias if isinstance(via.value.at, JointGoal)]
 
 
 def read_problem(document: Document, base: Path, robots: RobotLoader = load_robot) -> Mapping[str, Any]:
@@ -197,7 +200,9 @@ def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Mapping[
         issues += _moving_first(document, parts)
         issues += _constraints(document, parts, len(compiler.goal_specs))
         error, wrong = error_of_joints(document, parts.robot, None if spec is None else spec.tracking_error)
-        issues += wrong + _near_limits(document, parts, limits, error, len(compiler.goal_specs))
+        issues += wrong + nearer_than_error(
+            document, parts.robot, limits, error, _alternatives(parts, len(compiler.goal_specs))
+        )
         issues += impossible_states(document, parts.robot, limits, _states(parts))
         if not any(issue.path[: len(place)] == place for issue in issues for place in DECIDES_COLLISIONS):
             issues += _collisions(document, parts, compiler)
@@ -236,7 +241,8 @@ def _with_safety(compiler: Compiler, spec: ProblemSpec | None, robot: Robot | No
     clearance = None if spec is None else spec.clearance
     safety, unsafe = safety_of(compiler.document, clearance, scene, [*links, *tools], robot)
     safety = safety if robot is None else with_built(safety, robot)
-    return scene if safety is None else replace(scene, safety=safety), unsafe
+    unwished = clearance is not None and safety is None
+    return scene if clearance is None else replace(scene, safety=safety, unwished=unwished), unsafe
 
 
 def _parts(compiler: Compiler, bare: Robot, stated: Scene) -> _ProblemParts:
@@ -307,41 +313,6 @@ def _moving_first(document: Document, parts: _ProblemParts) -> list[Issue]:
     return issues
 
 
-def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[dict[str, Any], str]:
-    """`Problem.source` and `Problem.hash`: the file's content with absolute paths, and its identity.
-
-    Args:
-        spec: the validated file.
-        name: of the problem, when the file gives none.
-        base: folder that meshes are relative to.
-        robot: as loaded for the problem.
-    """
-    source = spec.model_dump(mode="json", exclude_none=True, by_alias=True)
-    source["name"] = spec.name or name
-    say_in_one_way(source)
-    for step in source.get("task", ()):
-        if "tour" in step:
-            from optiplan.problem.task.target_files import targets_data
-
-            step["tour"]["targets"] = targets_data(step["tour"]["targets"], base)
-        if "path" in step:
-            from optiplan.problem.seams.reading import with_points
-
-            step["path"] = with_points(step["path"], base)
-    digest = problem_hash(source, base, robot)
-    source["robot"] = _named(spec, robot)
-    for mesh in shape_files_of(source):
-        mesh["file"] = str((base / mesh["file"]).resolve())
-    return source, digest
-
-
-def _named(spec: ProblemSpec, robot: Robot) -> Any:
-    """Return `robot:` with absolute paths."""
-    if isinstance(spec.robot, str):
-        return spec.robot if spec.robot in robot_names() else str(robot.source)
-    return robot.reference.robot
-
-
 def _states(parts: _ProblemParts) -> "list[StatedState]":
     """The start and the goals of joint values, with what each is."""
     start = [] if parts.start is None else [StatedState(("start",), parts.start, True)]
@@ -349,10 +320,11 @@ def _states(parts: _ProblemParts) -> "list[StatedState]":
 
 
 def _constraints(document: Document, parts: _ProblemParts, alternatives: int) -> list[Issue]:
-    """Report constraints that the start, or every goal of joint values, violates, and pairs that none can hold."""
+    """Report constraints that the start, a via or every goal of joint values violates, and pairs that none can hold."""
     issues: list[Issue] = []
     if not parts.constraints:
         return issues
+    from optiplan.problem.constraints.base import WHOLE
     from optiplan.problem.constraints.states import BrokenConstraint
 
     for part in parts.constraints:
@@ -364,23 +336,34 @@ def _constraints(document: Document, parts: _ProblemParts, alternatives: int) ->
         if low == 0.0 and parts.start is not None:
             broken = kept.words(parts.start.state)
             issues += [document.issue(("start",), f"a start that is {words}", expected) for words in broken]
+        for via in parts.joint_vias:
+            broken = kept.words(via.value.state) if (low, high) == WHOLE and via.value.tolerance <= HIT else []
+            issues += [document.issue(via.place, f"a via that is {words}", expected) for words in broken]
         found = [(end.place, words) for end in parts.joint_goals for words in kept.words(end.value.state)[:1]]
         if high == 1.0 and found and len(found) == alternatives:
             issues += [document.issue(place, f"a goal that is {words}", expected) for place, words in found]
     return issues
 
 
-def _near_limits(
-    document: Document, parts: _ProblemParts, limits: Limits, error: Array, alternatives: int
-) -> list[Issue]:
-    """Report a start, or a goal with all alternatives, nearer to a limit of position than the tracking error."""
-    start = [] if parts.start is None else [(("start",), parts.start.state.q)]
-    issues = nearer_than_error(document, parts.robot, limits, error, start)
-    goals = [
-        nearer_than_error(document, parts.robot, limits, error, [(end.place, end.value.q)]) for end in parts.joint_goals
-    ]
-    every = len(goals) == alternatives and all(goals)
-    return issues + [issue for found in goals if every for issue in found]
+def _alternatives(parts: _ProblemParts, goals: int) -> Iterator[list[StatedEnd]]:
+    """Yield lists of joint values, one of each of which the motion comes to; `goals`: how many alternatives there are.
+
+    They are the start, vias, a goal, and the ends of the moves of a task.
+    """
+    names = parts.robot.joint_names
+    if parts.start is not None:
+        yield [StatedEnd(("start",), parts.start.q, names)]
+    yield from ([StatedEnd(via.place, via.value.q, names)] for via in parts.joint_vias if via.value.tolerance <= HIT)
+    if len(parts.joint_goals) == goals:
+        yield [StatedEnd(end.place, end.value.q, names) for end in parts.joint_goals]
+    if not parts.task:
+        return
+    from optiplan.problem.task.steps import Move
+
+    for action, place in ((part.value.action, (*part.place, part.value.kind)) for part in parts.task):
+        if isinstance(action, Move):
+            ends = [end for end in action.goal if isinstance(end, JointGoal)]
+            yield [StatedEnd(place, end.q, action.joints) for end in ends if len(ends) == len(action.goal)]
 
 
 def _collisions(document: Document, parts: _ProblemParts, compiler: Compiler) -> list[Issue]:
@@ -396,8 +379,8 @@ def _collisions(document: Document, parts: _ProblemParts, compiler: Compiler) ->
         if found is not None:
             place = ("start", compiler.start_spec.kind)
             issues.append(document.issue(place, f"the start is in collision: {found.reason}", cure))
-    for via in parts.vias:
-        found = touching(later, via.value.at.q) if isinstance(via.value.at, JointGoal) else None
+    for via in parts.joint_vias:
+        found = touching(later, via.value.q)
         if found is not None:
             issues.append(document.issue(via.place, f"the via is in collision: {found.reason}", cure))
     ends = [(end.place, touching(later, end.value.q)) for end in parts.joint_goals]

@@ -1,16 +1,54 @@
-"""Hash of a problem's content, independent of where its files are and of how it is said."""
+"""Identity of a problem: its source as plain data, and the hash of its content, wherever its files are."""
 
 import copy
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from optiplan.files import read_bytes
 from optiplan.problem.schema.joint_names import ends_of
 from optiplan.problem.schema.scene import MotionSpec
-from optiplan.robot.robot import Robot
+from optiplan.robot.robot import Robot, robot_names
+
+if TYPE_CHECKING:
+    from optiplan.problem.schema.problem import ProblemSpec
+
+
+def source_of(spec: "ProblemSpec", name: str, base: Path, robot: Robot) -> tuple[dict[str, Any], str]:
+    """`Problem.source` and `Problem.hash`: the file's content with absolute paths, and its identity.
+
+    Args:
+        spec: the validated file.
+        name: of the problem, when the file gives none.
+        base: folder that meshes are relative to.
+        robot: as loaded for the problem.
+    """
+    source = spec.model_dump(mode="json", exclude_none=True, by_alias=True)
+    source["name"] = spec.name or name
+    _say_in_one_way(source)
+    for step in source.get("task", ()):
+        if "tour" in step:
+            from optiplan.problem.task.target_files import targets_data
+
+            step["tour"]["targets"] = targets_data(step["tour"]["targets"], base)
+        if "path" in step:
+            from optiplan.problem.seams.reading import with_points
+
+            step["path"] = with_points(step["path"], base)
+    digest = problem_hash(source, base, robot)
+    source["robot"] = _named(spec, robot)
+    for mesh in shape_files_of(source):
+        mesh["file"] = str((base / mesh["file"]).resolve())
+    return source, digest
+
+
+def _named(spec: "ProblemSpec", robot: Robot) -> Any:
+    """Return `robot:` with absolute paths."""
+    if isinstance(spec.robot, str):
+        return spec.robot if spec.robot in robot_names() else str(robot.source)
+    return robot.reference.robot
 
 
 def problem_hash(data: Mapping[str, Any], base: Path, robot: Robot) -> str:
@@ -45,7 +83,7 @@ def shape_files_of(data: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
                 yield stated
 
 
-def say_in_one_way(data: dict[str, Any]) -> None:
+def _say_in_one_way(data: dict[str, Any]) -> None:
     """Say once what may be said in several ways, in the data of a problem, which are changed in place.
 
     That is pairs in any order, polynomials with zeros at their end, and rest at an end: it has no rates.

@@ -232,7 +232,7 @@ class Problem(ReadOnlyArrays, FreeSpace):
         return self._with(start=start)
 
     def with_goal(self, *goal: "End | Sequence[End]") -> "Problem":
-        """Return the problem with another goal, or several alternatives.
+        """Return the problem with another goal, or several alternatives, in place of a task too.
 
         Raises:
             InputError: as for a file: none of them can be reached, or a joint tolerance that no file can state.
@@ -248,7 +248,7 @@ class Problem(ReadOnlyArrays, FreeSpace):
         return self._with(vias=vias)
 
     def with_task(self, task: "Task | Sequence[Mapping[str, Any]]") -> "Problem":
-        """Return the problem with another task.
+        """Return the problem with another task, in place of a goal with its vias too.
 
         Raises:
             InputError: as for a file.
@@ -350,11 +350,12 @@ class Problem(ReadOnlyArrays, FreeSpace):
             constraints, expressions = split_expressions(changes.get("path_constraints", self.path_constraints))
             if "path_constraints" in changes:
                 changes["path_constraints"] = constraints
-            data = dict(self.source) | arguments_data(changes)
+            gone = {key for one, keys in _INSTEAD.items() if one in changes for key in keys}
+            data = {key: said for key, said in self.source.items() if key not in gone} | arguments_data(changes)
             other = Problem.of(read_data(data, self.robot)).with_seed(self.seed)
             other._add_expressions(expressions)
             return other
-        if {"base", "gravity"} & changes.keys():
+        if {"base", "gravity", "clearance", "frames", "tool"} & changes.keys():
             raise wrong_argument("Problem", "problem", "a problem that was put together by hand", "one with a source")
         if "start" in changes:
             said = changes["start"]
@@ -410,5 +411,8 @@ def derived(problem: Problem, **changes: Any) -> Problem:
         raise TypeError(f"a problem derived from another has no {', '.join(sorted(unknown))} of its own")
     return Problem.of({**vars(problem), **changes, "source": {}, "hash": ""})
 
+
+_INSTEAD = {"task": ("goal", "via"), "goal": ("task",)}
+"""Keys of a file that another one takes the place of."""
 
 _CHANGEABLE = {one.name for one in fields(Problem)} - {"source", "hash"}

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from optiplan.config.document import plain
 from optiplan.errors import described, options_argument, wrong_argument
-from optiplan.geometry.pose import Pose
+from optiplan.geometry.pose import Pose, place_data
 from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.geometry.safety import Safety
 from optiplan.geometry.scene import Scene
@@ -120,7 +120,11 @@ def _one_constraint_data(one: Any, function: str, argument: str) -> dict[str, An
     if not isinstance(one, kinds):
         expected = ", ".join(f"op.{kind.__name__}" for kind in kinds)
         raise wrong_argument(function, argument, described(one), f"one of: {expected}")
-    poses = {name: pose_from_data(pose.to_data()) for name, pose in vars(one).items() if isinstance(pose, Pose)}
+    poses = {
+        name: pose_from_data(place_data(pose, function, f"{argument}.{name}"))
+        for name, pose in vars(one).items()
+        if isinstance(pose, Pose)
+    }
     try:
         data: dict[str, Any] = plain({one.KEY: replace(one, **poses).to_data()})  # type: ignore[type-var]  # dataclasses
     except (AttributeError, TypeError, ValueError):
@@ -131,11 +135,7 @@ def _one_constraint_data(one: Any, function: str, argument: str) -> dict[str, An
 
 def base_data(base: Any) -> Any:
     """`base:` of a file."""
-    if isinstance(base, pin.SE3):
-        return pose_to_data(base)
-    if isinstance(base, Pose):
-        return {key: value for key, value in base.to_data().items() if key in ("position", "rpy", "quaternion")}
-    return _mapping("base", base, "op.Pose(position, rpy=…)")
+    return plain(base) if isinstance(base, Mapping) else place_data(base, "Problem", "base")
 
 
 def frames_data(frames: Any) -> Any:

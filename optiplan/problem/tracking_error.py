@@ -1,6 +1,7 @@
 """`tracking_error` of a problem: how far the robot's joints may be from the motion that is planned for them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,15 +49,32 @@ def error_argument(function: str, robot: Robot, value: TrackingError | Array) ->
     return error
 
 
+class StatedEnd(NamedTuple):
+    """Values q (k,), rad or m, of some joints, and where they are stated."""
+
+    place: Place
+    q: Array
+    joints: Sequence[str]
+
+
 def nearer_than_error(
-    document: Document, robot: Robot, limits: Limits, error: Array, states: Sequence[tuple[Place, Array]]
+    document: Document, robot: Robot, limits: Limits, error: Array, alternatives: Iterable[Sequence[StatedEnd]]
 ) -> list[Issue]:
-    """Report configurations (n,) that are nearer to a limit of position than the tracking error."""
+    """Report joint values nearer to a limit of position than the tracking error (n,), where all alternatives are."""
     issues = []
-    for place, q in states:
-        for j in np.flatnonzero((error > 0.0) & ((q - error < limits.lower) | (q + error > limits.upper))).tolist():
-            low, high = limits.lower[j] + error[j], limits.upper[j] - error[j]
-            found = f"{robot.joint_names[j]} = {q[j]:.10g}, nearer to its limit than the tracking error"
+    for ends in alternatives:
+        found = [_near(document, robot, limits, error, end) for end in ends]
+        issues += [issue for near in found if all(found) for issue in near]
+    return issues
+
+
+def _near(document: Document, robot: Robot, limits: Limits, error: Array, end: StatedEnd) -> list[Issue]:
+    issues = []
+    for name, value in zip(end.joints, end.q.tolist(), strict=True):
+        j = robot.joint_names.index(name)
+        low, high = limits.lower[j] + error[j], limits.upper[j] - error[j]
+        if error[j] > 0.0 and not low <= value <= high:
+            found = f"{name} = {value:.10g}, nearer to its limit than the tracking error"
             fits = f"a value in [{low:.10g}, {high:.10g}]" if low <= high else "a smaller tracking error"
-            issues.append(document.issue(place, found, fits))
+            issues.append(document.issue(end.place, found, fits))
     return issues

@@ -23,7 +23,7 @@ from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
 from optiplan.config.values import FileName, FileVersion, Name
 from optiplan.errors import InputError, Issue, UnknownChoiceError, described, wrong_argument
-from optiplan.geometry.pose import Pose, PoseSpec
+from optiplan.geometry.pose import Pose, PoseSpec, place_data
 from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.robot.limits import Limits
 from optiplan.robot.mimic_joints import Mimic
@@ -118,10 +118,8 @@ def _arm_data(name: str, arm: Any, function: str) -> dict[str, Any]:
     elif not isinstance(use, str | Path | Mapping):
         expected = "op.load_robot(…), the name of a robot or the path of a robot.yaml"
         raise wrong_argument(function, f"{ROBOTS}[{name!r}]", described(use), expected)
-    if isinstance(base, pin.SE3):
-        said["base"] = pose_to_data(base)
-    elif isinstance(base, Pose):
-        said["base"] = {key: v for key, v in base.to_data().items() if key in ("position", "rpy", "quaternion")}
+    if isinstance(base, pin.SE3 | Pose):
+        said["base"] = place_data(base, function, f"{ROBOTS}[{name!r}].base")
     data: dict[str, Any] = plain(said)
     return data
 

@@ -68,6 +68,21 @@ def test_a_start_nearer_to_its_limit_than_the_error(problem):
         op.plan(near, tracking_error=0.011)
 
 
+def test_vias_and_ends_of_moves_nearer_to_a_limit_than_the_error(problem):
+    upper = problem.robot.limits.upper
+    near = np.append(problem.start[:-1], upper[-1] - 0.01)
+    words = r"panda_joint7 = .* nearer to its limit than the tracking"
+    with pytest.raises(InputError, match=r"via\[0\]: " + words):
+        problem.with_parts(vias=[near], tracking_error=0.011)
+    assert problem.with_parts(vias=[op.ViaPoint(near, tolerance=0.01)], tracking_error=0.011).vias
+    task = op.Task().move(near).gripper("hand", [0.0])
+    with pytest.raises(InputError, match=r"task\[0\]\.move: " + words) as caught:
+        op.Problem("panda", "ready", task=task, tracking_error=0.011)
+    assert "task[1].gripper: panda_finger_joint1 = 0, nearer" in str(caught.value)
+    either = op.Task().move([near, "ready"])
+    assert op.Problem("panda", "ready", task=either, tracking_error=0.011).task
+
+
 def test_a_problem_put_together_by_hand_has_one_too(problem):
     from optiplan.problem.problem import derived
 

@@ -23,7 +23,8 @@ from optiplan.config.messages import choices, some
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
 from optiplan.planners.base import Progress
 from optiplan.planners.registry import make_planner
-from optiplan.problem.from_data import goal_or_task, in_one_form, source_of
+from optiplan.problem.from_data import goal_or_task, in_one_form
+from optiplan.problem.hashing import source_of
 from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.runs.metrics import Metrics
 

@@ -20,13 +20,13 @@ from optiplan.planners.common.failures import out_of_time, path_too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.region_poses import single_ends, with_poses
 from optiplan.planners.option_schema import PlannerOptions, option
+from optiplan.planners.path_constraints.tool_limits import tool_limits
 from optiplan.planners.point_to_point.quintic import Quintic
 from optiplan.planners.sampling.tree_planners import RrtConnect
-from optiplan.problem.constraints.motions import ToolSpeed
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem, derived
 from optiplan.robot.frames import frame_pose
 from optiplan.trajectory.joining import join_trajectories
-from optiplan.trajectory.timing.time_path import Method, TimingOptions, ToolLimits, time_path
+from optiplan.trajectory.timing.time_path import Method, TimingOptions, time_path
 from optiplan.trajectory.trajectory import Trajectory
 
 _OTHER = 1e-3  # rad or m: configurations that differ by less are one
@@ -218,11 +218,7 @@ class ToolMotion(Planner[Options]):
         o = self.options
         given = {"linear": o.speed, "angular": o.angular_speed, "linear_acceleration": o.acceleration}
         limits = {name: value for name, value in given.items() if value is not None}
-        for one in work.problem.path_constraints:
-            if isinstance(one, ToolSpeed) and one.frame == frame:
-                wanted = {"linear": one.linear, "angular": one.angular}
-                limits |= {name: min(value, limits.get(name, np.inf)) for name, value in wanted.items()}
-        tool = ToolLimits(frame, **limits) if limits else None
+        tool = tool_limits(work.problem, frame, **limits)
         method = None if o.profile is None else _METHODS[o.profile]
         robot, joint_limits = work.problem.robot, work.problem.limits
         timed = time_path(followed, robot, joint_limits, TimingOptions(method, tool, stop=lambda: work.budget.over))

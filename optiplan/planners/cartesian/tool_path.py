@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.problem.constraints.base import circle_of
 
 _STRAIGHT = 1e-9  # rad: smaller rotations have no axis
 _IN_LINE = 1e-5  # as a sine: rounding of three points in line, an arc with a radius of kilometres
@@ -130,16 +131,13 @@ def arc(start: pin.SE3, end: pin.SE3, centre: Array, rotation: Array) -> ToolPat
 def circle_through(a: Array, b: Array, c: Array) -> tuple[Array, Array] | None:
     """Centre (3,) and rotation vector (3,), rad, of the arc from point a by way of b to c; None if they are in line.
 
-    With u = b - a, v = c - a and n = u x v: centre = a + (|u|^2 v x n - |v|^2 u x n) / (2 |n|^2).
     The rotation from a to c is about n, by an angle in (0, 2 pi).
     """
     u, v = b - a, c - a
-    n = np.cross(u, v)
-    if np.linalg.norm(n) <= _IN_LINE * np.linalg.norm(u) * np.linalg.norm(v):
+    if np.linalg.norm(np.cross(u, v)) <= _IN_LINE * np.linalg.norm(u) * np.linalg.norm(v):
         return None
-    centre = a + np.cross(u @ u * v - v @ v * u, n) / (2.0 * n @ n)
-    axis = n / np.linalg.norm(n)
-    return centre, axis * (angle_about(axis, a - centre, c - centre) % (2.0 * np.pi))
+    centre, axis, _, angle = circle_of(a, b, c)
+    return centre, angle * axis
 
 
 def angle_about(axis: Array, a: Array, b: Array) -> float:

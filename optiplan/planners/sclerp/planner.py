@@ -14,6 +14,7 @@ from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.failures import out_of_time, path_too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.region_poses import single_ends, with_poses
+from optiplan.planners.path_constraints.tool_limits import tool_limits
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.screw_kinematics import ScrewTool
 from optiplan.planners.sclerp.screw_motion import ScrewTask, attempt
@@ -55,7 +56,9 @@ class Sclerp(Planner[SclerpOptions]):
                 failures.append(path)
                 continue
             with watch.stage("timing"):
-                trajectory = time_path(path, problem.robot, problem.limits, TimingOptions(stop=lambda: budget.over))
+                tool = tool_limits(problem, task.tool.frame)
+                options = TimingOptions(tool=tool, stop=lambda: budget.over)
+                trajectory = time_path(path, problem.robot, problem.limits, options)
             if trajectory is None:
                 failures.append(path_too_heavy(problem.robot, problem.limits, path))
             else:

@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-
+from optiplan.planners.path_constraints.tool_limits import tool_limits
 from optiplan.planners.task.blends import Corner
 from optiplan.planners.task.stages import Stage, WorldState
-from optiplan.problem.constraints.motions import ToolSpeed
 from optiplan.problem.task.steps import Attach, ChangeTool, Detach, StraightLine, TaskStep
 from optiplan.trajectory.timing.path_constraints import ToolLimits
 from optiplan.trajectory.trajectory import Trajectory
@@ -51,13 +49,7 @@ class PlannedMotion(PlannedStep):
     def tool_limits(self) -> ToolLimits | None:
         """Limits of the tool along a line: its own speed, and constraints of speed on the same frame."""
         action = self.step.action
-        if not isinstance(action, StraightLine):
-            return None
-        linear, angular = action.speed, np.inf
-        for one in self.stage.problem.path_constraints:
-            if isinstance(one, ToolSpeed) and one.frame == action.frame:
-                linear, angular = min(linear, one.linear), min(angular, one.angular)
-        return ToolLimits(action.frame, linear, angular) if np.isfinite(min(linear, angular)) else None
+        return tool_limits(self.stage.problem, action.frame, action.speed) if isinstance(action, StraightLine) else None
 
 
 @dataclass(frozen=True, eq=False)

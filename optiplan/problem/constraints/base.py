@@ -170,10 +170,14 @@ class Statement(ABC):
 
 
 def circle_of(start: Array, through: Array, end: Array) -> tuple[Array, Array, float, float]:
-    """Return centre (3,), unit normal (3,), radius and angle of the arc from one point to another through a third."""
+    """Return centre (3,), unit normal (3,), radius and angle of the arc from one point to another through a third.
+
+    With u and v from the first point to the others and n = u x v: centre = start + (|u|^2 v - |v|^2 u) x n / (2 |n|^2).
+    The arc turns about n, by an angle in (0, 2 pi).
+    """
     u, v = through - start, end - start
     normal = np.cross(u, v)
-    centre = start + np.cross(normal, u * (v @ v) * -1.0 + v * (u @ u)) / (-2.0 * (normal @ normal))
+    centre = start + np.cross(u @ u * v - v @ v * u, normal) / (2.0 * (normal @ normal))
     normal = normal / float(np.linalg.norm(normal))
     a, b = start - centre, end - centre
     angle = float(np.arctan2(normal @ np.cross(a, b), a @ b)) % (2.0 * np.pi)

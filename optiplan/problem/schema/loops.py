@@ -186,7 +186,8 @@ def written_out(document: Document) -> tuple[Document, list[Issue]]:
     if not isinstance(root, Mapping) or not isinstance(root.get("task"), list):
         return document, []
     if "tasks" not in root and not any(
-        isinstance(step, Mapping) and {"for", "do", "either"} & step.keys() for step in root["task"]
+        (isinstance(step, Mapping) and {"for", "do", "either"} & step.keys()) or _computes(step)
+        for step in root["task"]
     ):
         return document, []
     reader = LoopReader(document)
@@ -195,6 +196,14 @@ def written_out(document: Document) -> tuple[Document, list[Issue]]:
     written = list(reader.steps(root["task"], ("task",), {}))
     data = {key: value for key, value in root.items() if key != "tasks"} | {"task": [one.step for one in written]}
     return replace(document, data=data, lines=_lines(document, written)), reader.issues
+
+
+def _computes(data: Any) -> bool:
+    """Whether there is an expression in the data."""
+    if isinstance(data, str):
+        return data.startswith("=")
+    items = data.values() if isinstance(data, Mapping) else data if isinstance(data, list) else ()
+    return any(map(_computes, items))
 
 
 def _lines(document: Document, written: Sequence[_Written]) -> dict[Place, int]:

@@ -184,7 +184,7 @@ MEANINGS = {
     "TaskStepSpec.tool": "The link changes to this tool, or leaves the one it has: none.",
     "tool_acceleration": "The tool's acceleration is bounded.",
     "tool_path": "Weight of the length of the tool's path.",
-    "tool_smoothness": "Weight of the tool's squared jerk over time.",
+    "tool_smoothness": "Weight of the tool's squared acceleration over time.",
     "tool_speed": "The tool's speed is bounded.",
     "tools": "Tools by name, each with its link, TCP, bodies and mass.",
     "torque": "Fraction of the robot's torque limits, above 0 and at most 1.",

@@ -37,8 +37,15 @@ _AWAY = 0.1
 _TIGHT = 1e-6
 """m that fingers open wider than the side that they close on: no other side is taken then."""
 
-STEP = ("name", "arm", "wait_for", "allowed_collisions", "option")
+STEP = ("name", "arm", "wait_for", "allowed_collisions", "path_constraints")
 """Keys of a step beside what it does, that its parts have too."""
+
+_NOT_OF = {
+    "name": ("attach", "detach", "gripper", "retreat"),
+    "wait_for": ("attach", "detach", "gripper", "retreat"),
+    "path_constraints": ("attach", "detach"),
+}
+"""Parts that do not have a key: only the first has a name and waits, and events take no time."""
 
 Place = tuple[str | int, ...]
 
@@ -129,7 +136,7 @@ class _PickReader:
             yield step
             return
         kind = kinds[0]
-        if unknown := [key for key in step if key not in (kind, *STEP)]:
+        if unknown := [key for key in step if key not in (kind, *STEP, "option")]:
             self._report((*place, unknown[0]), f"a key that does not go with `{kind}`", choices(unknown[0], STEP))
             return
         try:
@@ -142,10 +149,10 @@ class _PickReader:
         if robot is None:
             return
         robot = with_tool_of(robot, spec.group or step.get("arm"), main)
-        rest = {key: value for key, value in step.items() if key in STEP}
+        rest = {key: value for key, value in step.items() if key != kind}
         parts = self._pick if isinstance(spec, PickSpec) else self._place
-        for i, one in enumerate(parts((*place, kind), spec, robot, step[kind])):  # type: ignore[arg-type]
-            own = rest if i == 0 else {key: value for key, value in rest.items() if key not in ("name", "wait_for")}
+        for one in parts((*place, kind), spec, robot, step[kind]):  # type: ignore[arg-type]
+            own = {key: value for key, value in rest.items() if not one.keys() & _NOT_OF.get(key, ())}
             yield {**one, **own}
 
     def _pick(self, place: Place, spec: PickSpec, robot: Robot, raw: Mapping[str, Any]) -> Iterator[dict[str, Any]]:

@@ -49,21 +49,26 @@ def with_arms(compiler: Compiler, robot: Robot, scene: Scene, steps: Steps) -> l
 
 
 def _stated(compiler: Compiler) -> Iterator[tuple[int, list[int]]]:
-    """Yield the numbers of steps for which a step says that it waits."""
-    earlier: dict[str, tuple[int, str]] = {}
+    """Yield the numbers of steps for which a step says that it waits: of each name the last before it."""
+    earlier: dict[str, dict[str, int]] = {}
     for part in compiler.task:
-        number, waits = int(part.place[-1]) + 1, []
+        number, waits, own = int(part.place[-1]) + 1, [], str(part.value.arm)
         named = part.value.wait_for or ()
+        others = {name: [arm for arm in arms if arm != own] for name, arms in earlier.items()}
+        known = [name for name, arms in others.items() if len(arms) == 1]
         for k, name in enumerate(named):
-            known = [one for one, (_, arm) in earlier.items() if arm != part.value.arm]
-            if name not in known:
-                place = (*part.place, "wait_for") if len(named) == 1 else (*part.place, "wait_for", k)
-                expected = choices(name, known or ["none: no earlier step of another arm has a name"])
-                compiler.report(place, f"'{name}', no name of an earlier step of another arm", expected)
-            else:
-                waits.append(earlier[name][0])
+            if name in known:
+                waits.append(earlier[name][others[name][0]])
+                continue
+            arms = others.get(name)
+            found = (
+                f"the name of steps of {' and of '.join(arms)}" if arms else "no name of an earlier step of another arm"
+            )
+            expected = choices(name, known or ["none: no earlier step of another arm has a name of its own"])
+            place = (*part.place, "wait_for") if len(named) == 1 else (*part.place, "wait_for", k)
+            compiler.report(place, f"'{name}', {found}", expected)
         if part.value.name is not None:
-            earlier[part.value.name] = number, str(part.value.arm)
+            earlier.setdefault(part.value.name, {})[own] = number
         yield number, waits
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.config.document import plain
 from optiplan.errors import described, wrong_argument
-from optiplan.geometry.pose import Pose, Values, checked
+from optiplan.geometry.pose import Pose, Values, checked, place_data
 from optiplan.problem.grasps.statement import Grasps
 from optiplan.problem.schema.joint_names import lists_of
 from optiplan.problem.schema.picks import KINDS, STEP
@@ -228,7 +228,7 @@ class Task:
             order: as of `Tour`.
             tour: further keys of a `tour` of a problem file, and those of the step.
         """
-        step = {key: tour.pop(key) for key in _STEP_KEYS if key in tour}
+        step = {key: tour.pop(key) for key in STEP if key in tour}
         return self._with("tour", {"targets": _targets(targets), "order": order} | _given(**tour), step)
 
     def path(self, points: Targets | None, speed: float, **path: Any) -> "Task":
@@ -239,21 +239,18 @@ class Task:
             speed: m/s.
             path: further keys of a `path` of a problem file, and those of the step.
         """
-        step = {key: path.pop(key) for key in _STEP_KEYS if key in path}
+        step = {key: path.pop(key) for key in STEP if key in path}
         given = {} if points is None else {"points": _targets(points, "Path", "points")}
         return self._with("path", given | {"speed": speed} | _given(**path), step)
 
     def _with(self, kind: str, said: Any, step: Mapping[str, Any]) -> "Task":
-        more = {key: value for key, value in step.items() if value is not None}
-        if "path_constraints" in more:
-            more["path_constraints"] = path_constraint_data(more["path_constraints"], f"Task.{kind}")
-        data = plain({kind: said, **more})
+        data = _step(kind, said, step)
         checked(TaskStepSpec, lists_of({"task": [data]})["task"][0], f"Task.{kind}", {})
         return Task((*self.steps, data))
 
     def _written(self, kind: str, said: Any, step: Mapping[str, Any]) -> "Task":
         """Return the task with a step that is written out later; its poses are in the world, or in the object."""
-        data = plain({kind: said, **{key: value for key, value in step.items() if value is not None}})
+        data = _step(kind, said, step)
         checked(KINDS[kind], data[kind], f"Task.{kind}", {"from": "from_", "open": "open_"})
         return Task((*self.steps, data))
 
@@ -333,12 +330,7 @@ def _target(one: Any, name: str, argument: str, plain_points: bool) -> Mapping[s
         return one
     if plain_points and isinstance(one, Sequence | np.ndarray) and not isinstance(one, str) and len(one) == 3:
         return {"position": one}
-    if not isinstance(one, Pose):
-        raise wrong_argument(name, argument, described(one), "a Pose, or a mapping")
-    data = one.to_data()
-    if data.keys() & {"frame", "tolerance"}:
-        raise wrong_argument(name, argument, "a frame or tolerance of its own", "one of the whole step")
-    return data
+    return place_data(one, name, argument, "op.Pose(position, rpy=…), or a mapping")
 
 
 def task_data(task: Any) -> list[Any]:
@@ -348,6 +340,15 @@ def task_data(task: Any) -> list[Any]:
     if isinstance(task, Mapping | str) or not isinstance(task, Sequence):
         raise wrong_argument("Problem", "task", described(task), "op.Task().move(…)…, or a list of steps")
     return [plain(step) for step in task]
+
+
+def _step(kind: str, said: Any, step: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a step as a file has it."""
+    more = _given(**step)
+    if "path_constraints" in more:
+        more["path_constraints"] = path_constraint_data(more["path_constraints"], f"Task.{kind}")
+    data: dict[str, Any] = plain({kind: said, **more})
+    return data
 
 
 def _ends(to: Any, function: str, argument: str) -> dict[str, Any]:
@@ -360,9 +361,6 @@ def _ends(to: Any, function: str, argument: str) -> dict[str, Any]:
 def _listed(values: Any) -> Sequence[Any]:
     """Return a list as it is; of anything else one that holds no pose."""
     return values if isinstance(values, Sequence) else [None]
-
-
-_STEP_KEYS = (*STEP, "path_constraints")
 
 
 def _given(**values: Any) -> dict[str, Any]:

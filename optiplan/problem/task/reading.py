@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
 from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
 from optiplan.geometry.pose import PoseGoalSpec
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.problem.builder import Compiler, frame_names, link_names
-from optiplan.problem.constraints.base import WHOLE
-from optiplan.problem.constraints.statements import PathConstraint
+from optiplan.problem.constraints.base import WHOLE, unit
+from optiplan.problem.constraints.statements import PathConstraint, frame_of
 from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
 from optiplan.problem.grasps.places import places
 from optiplan.problem.grasps.reading import ending_region, grasp_ends
@@ -136,9 +135,17 @@ class TaskReader:
         self.robot = self.tools.seen(self._mounted)
 
     def check_whole(self, constraints: Iterable[LocatedValue[PathConstraint]]) -> None:
-        """Report constraints of the whole motion on a frame that is gone once a step releases its object."""
+        """Report constraints of the whole motion on a frame that is gone once a step releases its object.
+
+        And on a tool frame that is not named, which is another one once a step changes the tool.
+        """
+        changes = any(part.value.kind == "tool" for part in self.compiler.task)
         released = {part.value.detach.object for part in self.compiler.task if part.value.detach is not None}
         for part in constraints:
+            frame, (key, k, kind) = frame_of(part.value), part.place
+            if changes and frame is not None and self.compiler.document.data[key][k][kind].get("frame") is None:
+                expected = f"`frame`, such as '{frame}', or the constraint in each step"
+                self.compiler.report(part.place, "no `frame`, in a task that changes the tool", expected)
             for mention in part.value.mentioned():
                 if mention.kind == "frame" and mention.name in released:
                     found = f"'{mention.name}', which a step of the task releases"
@@ -283,7 +290,7 @@ class TaskReader:
         given = [((*place, "pose"), spec.pose)] if spec.pose is not None else []
         given += [((*place, "any_of", i), one) for i, one in enumerate(spec.any_of or ())]
         ends = tuple(end for at, one in given if (end := self._pose(at, one, spec.group)) is not None)
-        robot, along = self._with_tool_of(spec.group), _unit(spec.along)
+        robot, along = self._with_tool_of(spec.group), unit(spec.along)
         if spec.grasps is not None:
             stated = (*place, "grasps"), spec.grasps, along
             ends = grasp_ends(self.compiler, robot, stated, self.scene, self._moved)
@@ -304,7 +311,7 @@ class TaskReader:
         joints, frame = self._joints(place, spec.group), self._frame(place, spec)
         if joints is not None and frame is not None:
             axes = self.rides.axes(place, spec.in_)
-            by = spec.distance * _unit(spec.along or (0.0, 0.0, -1.0 if axes is None else 1.0))
+            by = spec.distance * unit(spec.along or (0.0, 0.0, -1.0 if axes is None else 1.0))
             by = by if axes is None else axes @ by
             yield StraightLine(joints, frame, (), by, axes is None, _speed(spec), spec.blend or 0.0)
 
@@ -396,8 +403,3 @@ def _name(spec: TaskStepSpec) -> str:
     if spec.kind == "tool":
         return f"tool {spec.tool}"
     return spec.kind if about is None else f"{spec.kind} {about.object}"
-
-
-def _unit(direction: Sequence[float]) -> Array:
-    vector = np.array(direction, float)
-    return vector / float(np.linalg.norm(vector))

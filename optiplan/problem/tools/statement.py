@@ -4,17 +4,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import pinocchio as pin
-
 from optiplan.config.document import plain
 from optiplan.errors import described, wrong_argument
-from optiplan.geometry.pose import Pose, Values, checked
+from optiplan.geometry.pose import Pose, Values, checked, place_data
 from optiplan.geometry.poses import pose_to_data
 from optiplan.geometry.scene import Obstacle
 from optiplan.geometry.shapes import shape_data
 from optiplan.problem.schema.tools import ToolSpec
-
-_POSE = ("position", "rpy", "quaternion")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -62,7 +58,8 @@ class Tool:
 
     def to_data(self) -> dict[str, Any]:
         """Return the tool as a problem file says it, without its name."""
-        places = {"tcp": _place(self.tcp, "tcp"), "parked": _place(self.parked, "parked")}
+        said = {"tcp": self.tcp, "parked": self.parked}
+        places = {key: place_data(pose, "Tool", key) for key, pose in said.items() if pose is not None}
         stated: dict[str, Any] = {"link": self.link, **places}
         stated |= {"shapes": [_body(one, f"shapes[{k}]") for k, one in enumerate(self.shapes)]}
         stated |= {"mass": self.mass, "centre": self.centre, "inertia": self.inertia, "touch": list(self.touch)}
@@ -73,16 +70,6 @@ class Tool:
         count = len(self.shapes)
         bodies = f"{count} {'body' if count == 1 else 'bodies'}"
         return f"Tool: {self.name}, on {self.link}, {bodies}{'' if self.mass is None else f', {self.mass:g} kg'}"
-
-
-def _place(pose: Any, argument: str) -> dict[str, Any] | None:
-    if pose is None:
-        return None
-    if isinstance(pose, pin.SE3):
-        return pose_to_data(pose)
-    if not isinstance(pose, Pose):
-        raise wrong_argument("Tool", argument, described(pose), "op.Pose(position, rpy=…)")
-    return {key: value for key, value in pose.to_data().items() if key in _POSE}
 
 
 def _body(body: Any, argument: str) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.qp_stepping import ScrewMotion
 from optiplan.planners.sclerp.schemes import iterate_scheme
 from optiplan.planners.sclerp.screw_kinematics import ScrewTool
+from optiplan.problem.constraints.motions import ToolSpeed
 from optiplan.problem.problem import JointGoal, PoseGoal, derived
 from optiplan.robot.robot import load_robot
 from optiplan.runs.pipeline import run
@@ -74,6 +75,14 @@ def test_the_tool_stays_on_its_screw(make):
         left = pin.log6(screw.pose(0.0).actInv(X)).vector  # the share s of the whole twist, and nothing else
         s = left @ whole / (whole @ whole)
         assert np.abs(pin.log6(screw.pose(s).actInv(X)).vector).max() < 1e-6
+
+
+def test_a_bound_on_the_speed_of_the_tool_slows_the_motion_only_where_it_binds():
+    problem = cases.pose()
+    slow = derived(problem, path_constraints=(ToolSpeed(problem.robot.tool_frame, linear=0.2),))
+    result = run(slow, "sclerp", {}, Budget(30.0), silent)
+    assert result.verified, result.failure
+    assert "slowed" not in result.info
 
 
 def test_an_obstacle_on_the_way_is_named_with_the_fraction():

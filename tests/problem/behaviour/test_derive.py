@@ -32,6 +32,15 @@ def everything(folder: Path) -> Scene:
     return Scene((*bodies, floor), (held,), frozenset({frozenset({"body0", "tip"})}))
 
 
+def test_a_task_takes_the_place_of_a_goal_with_its_vias_and_a_goal_that_of_a_task(problem):
+    task = problem.with_vias([0.5, 0.1]).with_task([{"move": {"joints": [0.3, 0.2]}}])
+    assert (len(task.task), task.goal, task.vias) == (1, (), ())
+    assert problem_from_dict(task.source).hash == task.hash
+    assert task.with_goal(problem.goal[0]).hash == problem.hash
+    with pytest.raises(InputError, match="`goal` beside a task"):
+        problem.with_parts(task=[{"dwell": 1.0}], goal=problem.goal[0])
+
+
 def test_what_is_derived_says_what_it_is(problem, tmp_path):
     """Of every kind: the source makes the same problem again, with the same hash, which is none of the others'."""
     frame = problem.robot.tool_frame

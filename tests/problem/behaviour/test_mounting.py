@@ -37,6 +37,27 @@ def held(**weight):
     return op.Box("load", size=(0.1, 0.08, 0.12), position=(0, 0, 0.15)).attached_to("panda_hand", FINGERS, **weight)
 
 
+TOLD = op.Pose((0, 0, 0.2), frame="tool0"), op.Pose((0, 0, 0.2), position_tolerance=0.01)
+PLACES = {
+    "Problem: base": lambda pose: op.Problem(**UR5, base=pose),
+    "Tool: tcp": lambda pose: op.Tool("driver", "tool0", tcp=pose),
+    "Tool: parked": lambda pose: op.Tool("driver", "tool0", parked=pose),
+    "Tour: targets[0]": lambda pose: op.Tour([pose]),
+    "Path: points[0]": lambda pose: op.Path([pose, [0, 0, 1]], 0.1),
+    "Robot.side_by_side: robots['a'].base": lambda pose: op.Robot.side_by_side({"a": {"use": "ur5", "base": pose}}),
+    "Problem: path_constraints[0].X_WF": lambda pose: op.Problem(
+        **UR5, path_constraints=[op.OnScrew("tool0", np.array([0, 0, 1.0]), np.zeros(3), 0.0, pose, 0.1, 0.1)]
+    ),
+}
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("pose", TOLD, ids=["frame", "tolerance"])
+def test_a_frame_or_a_tolerance_where_none_counts_is_refused(place, pose):
+    with pytest.raises(op.InputError, match=re.escape(place) + r".*a pose with a (frame|tolerance) of its own"):
+        PLACES[place](pose)
+
+
 def test_every_frame_and_body_stands_where_the_base_is():
     plain, mounted = op.Problem(**UR5), op.Problem(**UR5, base=CEILING)
     X_WB, q = CEILING.matrix, plain.start

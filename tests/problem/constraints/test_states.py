@@ -30,6 +30,16 @@ def test_a_start_that_violates_it_is_refused(kind):
     assert all(word in str(caught.value) for word in words), caught.value
 
 
+def test_a_via_that_violates_it_is_refused():
+    coupling = {"joints": {"elbow_joint": 1.0}, "equals": 1.25, "within": 0.3}
+    far = [*START[:2], START[2] + 0.5, *START[3:]]
+    with pytest.raises(InputError, match=r"via\[0\]: a via that is uncoupled by 0\.75 of 0\.3"):
+        op.Problem("ur5", START, GOAL, vias=[far], path_constraints=[{"coupling": coupling}])
+    for via, during in ((far, (0.9, 1.0)), (op.ViaPoint(far, tolerance=0.6), (0.0, 1.0))):
+        stated = [{"coupling": coupling | {"during": list(during)}}]
+        assert op.Problem("ur5", START, GOAL, vias=[via], path_constraints=stated).vias
+
+
 def test_wheels_that_are_too_fast_at_the_start_are_refused():
     home = op.load_robot("delbot").configurations["home"]
     driving = op.State(home, [0.2, *[0.0] * 8])

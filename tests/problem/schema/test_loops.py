@@ -48,6 +48,12 @@ def test_every_value_goes_with_every_other_and_the_last_changes_first():
     assert problem_from_dict(found.source).hash == found.hash
 
 
+def test_a_task_without_loops_may_compute():
+    data = {**YAML(typ="safe").load(GRID), "task": [{"line": {"by": [0, 0, "=0.05 * 2"]}}]}
+    del data["tasks"]
+    assert problem_from_dict(data).source["task"][0]["line"]["by"] == [0, 0, 0.1]
+
+
 def wrong(old, new):
     """The issues of the grid with a text in place of another, each as line and words."""
     assert old in GRID

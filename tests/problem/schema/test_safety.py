@@ -49,6 +49,9 @@ def test_a_scene_that_asks_nothing_is_said_to_and_wishes_nothing(tmp_path):
     problem = loaded(tmp_path, "clearance: 0.005\n")
     none = problem.with_scene(op.Scene(problem.scene.obstacles, safety=0))
     assert (none.scene.safety, none.wished_clearance, none.source["clearance"]) == (None, 0.0, 0.0)
+    stated = loaded(tmp_path, "clearance: 0\n").scene
+    assert op.Problem("panda", "ready", "extended", scene=stated).wished_clearance == 0.0
+    assert not loaded(tmp_path, "clearance: 0.005\n").scene.unwished
     made = op.Problem(
         "panda", "ready", "extended", scene=op.Scene(safety=0).with_(op.Sphere("ball", 0.1, position=(2, 0, 0)))
     )

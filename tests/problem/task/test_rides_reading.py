@@ -141,7 +141,7 @@ def test_python_states_the_same_steps():
         lambda: op.Task().either(one),
         lambda: op.Task().either(one, op.Task()),
         lambda: op.Task().pick("a", b=1),
-        lambda: op.Task().pick("a", path_constraints=[]),
+        lambda: op.Task().pick("a", path_constraints=3),
         lambda: op.Task().pick("a", grasps=3),
         lambda: op.Task().pick(3),
         lambda: op.Task().place("a", 3),
@@ -149,6 +149,25 @@ def test_python_states_the_same_steps():
     ):
         with pytest.raises(InputError):
             call()
+
+
+def test_path_constraints_of_picks_and_places_hold_in_their_motions():
+    cube, slow = op.Box("cube", size=(0.04,) * 3, position=(0.5, 0, 0.02)), op.ToolSpeed("panda_hand", linear=0.2)
+    task = op.Task().pick("cube", path_constraints=[slow], name="take")
+    task = task.place("cube", op.Pose((0.5, 0.2, 0.02), rpy=(np.pi, 0, 0)), path_constraints=[slow])
+    steps = op.Problem("panda", "ready", task=task, scene=[cube]).task
+    assert {step.kind: len(step.constraints) for step in steps} == {
+        **dict.fromkeys(("approach", "gripper", "retreat"), 1),
+        **dict.fromkeys(("attach", "detach"), 0),
+    }
+    assert [step.name for step in steps].count("take") == 2  # the two motions of the approach
+    later = {"tool_speed": {"linear": 0.2, "during": [0.5, 1.0]}}
+    with pytest.raises(InputError, match="no `during`: the whole step"):
+        op.Problem("panda", "ready", task=op.Task().pick("cube", path_constraints=[later]), scene=[cube])
+    data = [{"pick": {"object": "cube"}, "path_constraint": [later]}]
+    with pytest.raises(InputError, match="did you mean 'path_constraints'") as caught:
+        op.Problem("panda", "ready", task=data, scene=[cube])
+    assert "option" not in str(caught.value)
 
 
 def test_steps_of_python_take_an_arm():

@@ -173,6 +173,12 @@ def test_one_tool_may_be_stated_where_it_is_mounted():
             "unknown frame 'probe'",
             "tip",
         ),
+        (
+            lambda d: d.update(path_constraints=[{"tool_speed": {"linear": 0.5}}]),
+            "path_constraints[0].tool_speed",
+            "no `frame`, in a task that changes the tool",
+            "such as 'probe', or the constraint in each step",
+        ),
     ],
 )
 def test_what_does_not_fit_is_told_with_its_place(tmp_path, change, field, found, expected):
@@ -181,6 +187,11 @@ def test_what_does_not_fit_is_told_with_its_place(tmp_path, change, field, found
     assert issue.line
     assert found in issue.found
     assert expected in issue.expected
+
+
+def test_a_constraint_of_a_task_that_changes_tools_names_its_frame(problem):
+    speed = {"linear": 5.0, "frame": "tip"}
+    assert problem.with_constraints({"tool_speed": speed}).path_constraints[0].frame == "tip"
 
 
 def test_a_tool_is_not_changed_from_rack_to_rack_in_one_step(tmp_path):

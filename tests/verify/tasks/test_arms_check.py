@@ -91,6 +91,10 @@ def test_segments_out_of_order_or_of_no_time_are_no_steps(both):
         ((FIRST, {**SECOND, "wait_for": "third"}), r"task\[1\].wait_for: 'third', no name of an earlier step"),
         (({**FIRST, "wait_for": "second"}, SECOND), r"task\[0\].wait_for: 'second', no name of an earlier step"),
         ((FIRST, {**FIRST, "name": "next", "wait_for": "first"}), r"task\[1\].wait_for: 'first'"),
+        (
+            (FIRST, {**SECOND, "name": "first"}, {"arm": "c", "dwell": 1.0, "wait_for": "first"}),
+            r"task\[2\].wait_for: 'first', the name of steps of a and of b",
+        ),
         (({"move": {"joints": [1.2, 0, 0, 0, 0, 0]}, "wait_for": "x"},), "wait_for: a step without `arm`"),
         ((FIRST, {"arm": "b", "move": {"group": "a", **DOWN}}), "joint a/shoulder, which steps of a and of b move"),
         ((FIRST, {"arm": "b", "dwell": 1.0}), "steps of b that move no joint"),
@@ -101,6 +105,11 @@ def test_segments_out_of_order_or_of_no_time_are_no_steps(both):
 def test_wrong_arms_are_named(steps, words):
     with pytest.raises(InputError, match=words):
         problem_of(*steps)
+
+
+def test_a_step_waits_for_another_arm_whose_step_has_the_name_of_one_of_its_own():
+    problem = problem_of(FIRST, {**SECOND, "name": "first"}, {**SECOND, "name": "third", "wait_for": "first"})
+    assert [step.waits for step in problem.task] == [(), (), (1,)]
 
 
 def test_a_via_of_one_arm_is_passed_while_another_is_on_its_way():
