@@ -169,14 +169,21 @@ def test_bad_files_are_named(arm, tmp_path, old, new, words):
     assert words in str(caught.value)
 
 
-def test_hidden_geoms_are_the_bodies_where_none_can_touch(tmp_path):
+@pytest.mark.parametrize(
+    ("table", "moving"), [("", ""), ('<geom type="box" size="1 1 0.1" pos="0 0 -1"/>', "that moves ")]
+)
+def test_hidden_geoms_are_the_bodies_where_none_can_touch(tmp_path, table, moving):
     path = tmp_path / "ghost.xml"
-    path.write_text("""<mujoco><default><geom contype="0" conaffinity="0"/></default><worldbody><body name="a"><joint/>
-        <geom size="0.1" group="2"/><geom size="0.2" group="3"/></body></worldbody></mujoco>""")
+    table = table and table.replace("/>", ' contype="1" conaffinity="1"/>')
+    path.write_text(f"""<mujoco><default><geom contype="0" conaffinity="0"/></default><worldbody>{table}
+        <body name="a"><joint/><geom size="0.1" group="2"/><geom size="0.2" group="3"/>
+        <body name="b"><joint/><geom size="0.1" group="2"/></body></body></worldbody></mujoco>""")
     described = describe(path)
-    assert described.text.count("<collision>") == 1
-    assert 'radius="0.2"' in described.text[described.text.index("<collision>") :]
-    assert "those that are not drawn are taken as bodies" in " ".join(described.notes)
+    assert described.text.count("<collision>") == (2 if table else 1)
+    assert 'radius="0.2"' in described.text[described.text.rindex("<collision>") :]
+    notes = " | ".join(described.notes)
+    assert f"no geom {moving}can touch another in the file: those that are not drawn are taken as bodies" in notes
+    assert "only drawn, since no geom of them can touch another: b" in notes
 
 
 @pytest.mark.parametrize(("first", "second"), [("a", "b"), ("b", "a")])
@@ -203,6 +210,16 @@ def test_links_that_overlap_as_drawn_go_unchecked_where_mujoco_lets_them(tmp_pat
     described = describe(path)
     assert set(described.allowed) == {("a", "b"), ("a", "d"), ("b", "d"), ("d", "e")}
     assert "overlap as drawn" in " ".join(described.notes)
+
+
+@pytest.mark.parametrize("contact", ["", '<pair geom1="ball" geom2="pedestal"/>'])
+def test_links_of_which_some_geoms_touch_in_mujoco_are_checked(tmp_path, contact):
+    other = "" if contact else '<geom size="0.1" pos="1 0 0"/>'
+    path = tmp_path / "pedestal.xml"
+    path.write_text(f"""<mujoco><worldbody><geom name="pedestal" type="box" size="0.1 0.1 0.1"/>
+        <body name="l1"><joint/><geom name="ball" size="0.1" contype="2" conaffinity="2"/>{other}</body></worldbody>
+        <contact>{contact}</contact></mujoco>""")
+    assert describe(path).allowed == ()
 
 
 @pytest.mark.parametrize(

@@ -43,7 +43,7 @@ def describe_mjcf(path: Path) -> Description:
     if overlapping:
         listed = ", ".join(f"{a}-{b}" for a, b in overlapping)
         writer.notes.append(f"not checked, since they overlap as drawn and MuJoCo lets them: {listed}")
-    notes = [*remarks, *writer.couplings.notes, *writer.geoms.notes, *writer.notes]
+    notes = [*remarks, *writer.couplings.notes, *writer.geoms.notes, *writer.geoms.bodiless(), *writer.notes]
     return Description(
         source=path,
         name=str(writer.urdf.root.get("name")),
