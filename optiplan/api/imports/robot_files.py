@@ -14,6 +14,7 @@ from optiplan.files import write_bytes, write_text
 from optiplan.importers.robots.description import Description
 from optiplan.problem.write import problem_text
 from optiplan.robot.robot import Robot, load_robot
+from optiplan.robot.urdf.ros_packages import UP
 from optiplan.robot.urdf.srdf import LinkPair, srdf_text
 
 YAML_NAME, SRDF_NAME, URDF_NAME = "robot.yaml", "robot.srdf", "robot.urdf"
@@ -40,8 +41,8 @@ class RobotSource:
 
     def load(self, choices: Choices) -> Robot:
         """Load the robot of a robot.yaml that is not written yet."""
-        with tempfile.TemporaryDirectory() as made:
-            path = Path(made) / YAML_NAME
+        with _passing_folder() as made:
+            path = made / YAML_NAME
             data = _data(str(self.urdf.resolve()), self, choices)
             if "srdf" in data:
                 data["srdf"] = str(self.urdf.resolve().parent / data["srdf"])
@@ -68,11 +69,20 @@ def laid_out(described: Description, name: str | None = None) -> Iterator[RobotS
     if described.urdf is not None:
         yield RobotSource(described, described.urdf, name or described.name)
         return
-    with tempfile.TemporaryDirectory() as made:
+    with _passing_folder() as made:
         for file, content in described.files.items():
-            write_bytes(Path(made) / file, content)
-        write_text(Path(made) / URDF_NAME, described.text)
-        yield RobotSource(described, Path(made) / URDF_NAME, name or described.name)
+            write_bytes(made / file, content)
+        write_text(made / URDF_NAME, described.text)
+        yield RobotSource(described, made / URDF_NAME, name or described.name)
+
+
+@contextmanager
+def _passing_folder() -> Iterator[Path]:
+    """Yield a folder that is removed in the end, so deep that no package is looked for beside it."""
+    with tempfile.TemporaryDirectory() as made:
+        folder = Path(made).joinpath(*["made"] * UP)
+        folder.mkdir(parents=True)
+        yield folder
 
 
 def refuse_files(folder: Path, force: bool, described: Description | None = None) -> None:

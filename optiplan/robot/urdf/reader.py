@@ -16,6 +16,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from optiplan.config.messages import some
 from optiplan.errors import InputError, Issue, plain_reason
 from optiplan.files import is_file, read_bytes
 from optiplan.robot.mimic_joints import Mimic, MimicError, leaders_first, resolve
@@ -227,12 +228,14 @@ class _MeshFinder:
         self.urdf = urdf
         self.collision: list[Path] = []
         self.notes: list[str] = []
-        self._packages = RosPackages(folder, urdf.parent)
+        self._packages = RosPackages(urdf.parent, folder)
 
     def find(self, name: str) -> Path | None:
         """Return the first file of the candidates; a note says where a package is not found, or not near."""
         package, inside = _in_package(name)
         found, guess = (next(filter(is_file, paths), None) for paths in (self._stated(name), self._guesses(name)))
+        if found is not None and inside:
+            self._note_copies(package, Path(str(found).removesuffix(inside)))
         if guess is None or (found is None and self._packages.find(package) is not None):
             return found
         folder, near = (Path(str(path).removesuffix(inside)) for path in (found or guess, guess))
@@ -241,8 +244,15 @@ class _MeshFinder:
             note = f"package {package} is not found; its meshes are read from {near}"
         elif {folder, folder.parent} & {*self._packages.roots}:
             return found
-        self.notes += [note] if note not in self.notes else []
+        self._note(note)
         return found or guess
+
+    def _note_copies(self, package: str, taken: Path) -> None:
+        if others := [str(folder) for folder in self._packages.copies(package) if folder != taken]:
+            self._note(f"meshes of package {package} are read from {taken}, not from {some(others)}")
+
+    def _note(self, note: str) -> None:
+        self.notes += [note] if note not in self.notes else []
 
     def candidates(self, name: str) -> list[Path]:
         """Return where `find` looks, with the usual folders that there are not."""
