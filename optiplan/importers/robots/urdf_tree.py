@@ -1,12 +1,13 @@
 """Links and joints of a URDF that is written, with names that nothing else has."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.config.messages import some
 from optiplan.robot.urdf.elements import origin_element
 
 FAR = 100.0
@@ -50,6 +51,12 @@ class UrdfTree:
         """The whole file."""
         ET.indent(self.root)
         return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(self.root, encoding="unicode")}\n'
+
+
+def torques_without(named: Mapping[str, Sequence[str]]) -> list[str]:
+    """Remarks on what a robot here is without, though its source states it: the names of joints by kind."""
+    kinds = ((kind, some(joints, 6)) for kind, joints in named.items() if joints)
+    return [f"left out, torques are without it: {kind} of {joints}" for kind, joints in kinds]
 
 
 def moved(turns: bool, axis: Array, q: float) -> pin.SE3:

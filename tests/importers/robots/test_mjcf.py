@@ -199,6 +199,33 @@ def test_a_leader_carries_its_follower(tmp_path, first, second):
     }
 
 
+@pytest.mark.parametrize(
+    ("drive", "torque", "noted"),
+    [
+        ('<motor joint="j" ctrlrange="-200 200" gear="0.5"/>', 100.0, False),
+        ('<motor joint="j" ctrlrange="-200 200" forcerange="-50 60"/>', 50.0, False),
+        ('<general joint="j" gainprm="3" ctrlrange="-2 2"/>', 6.0, False),
+        ('<position joint="j" ctrlrange="-2 2"/>', 0.0, False),
+        ('<position joint="j" forcerange="0 50" gear="2"/>', 100.0, True),
+        ('<motor joint="j"/>', 0.0, False),
+    ],
+)
+def test_a_drive_limits_the_torque_of_its_joint(tmp_path, drive, torque, noted):
+    path = tmp_path / "one.xml"
+    joint = '<joint name="j" axis="0 1 0" armature="0.1" frictionloss="2" stiffness="3"/>'
+    path.write_text(f"""<mujoco><worldbody><body>{joint}<geom size="0.1"/></body></worldbody>
+        <actuator>{drive}</actuator></mujoco>""")
+    described, notes = describe(path), " | ".join(describe(path).notes)
+    assert read_urdf(Path("one.urdf"), tmp_path, described.text).limit("j", "effort") == pytest.approx(torque)
+    assert ("j is driven one way only" in notes) == noted
+    for kind in (
+        "inertia of rotors (armature) of j",
+        "friction (damping, frictionloss) of j",
+        "springs (stiffness) of j",
+    ):
+        assert kind in notes
+
+
 def test_links_that_overlap_as_drawn_go_unchecked_where_mujoco_lets_them(tmp_path):
     path = tmp_path / "row.xml"
     ball = '<geom size="0.1" {}/>'
