@@ -274,3 +274,17 @@ def test_couplings(tmp_path, equality, actuator, words, moving):
         ((follower, mimic),) = urdf.mimics.items()
         expected = {("a", "b"): -2.0, ("b", "a"): 0.5}[follower, mimic.source]
         assert mimic.multiplier == pytest.approx(expected)
+
+
+def test_keyframes_are_moved_into_limits_where_rounding_took_them_out_and_else_named(tmp_path):
+    joint = '<joint name="{0}" axis="0 1 0" range="-1 1" limited="true"/><geom size="0.1"/>'
+    chain = f'<body>{joint.format("a")}<body pos="1 0 0">{joint.format("b")}</body></body>'
+    keys = '<key name="near" qpos="1.0005 0"/><key name="far" qpos="0 1.2"/>'
+    (tmp_path / "two.xml").write_text(
+        f'<mujoco><compiler angle="radian"/><worldbody>{chain}</worldbody><keyframe>{keys}</keyframe></mujoco>'
+    )
+    robot = op.init_robot(tmp_path / "two.xml", tmp_path / "made")
+    assert {name: q.tolist() for name, q in robot.configurations.items()} == {"near": [1.0, 0.0]}
+    head = (tmp_path / "made/robot.yaml").read_text()
+    assert "# configuration near has a beyond limits by rounding: moved to the limit" in head
+    assert "# left out: configuration far, in which b is beyond its limits" in head

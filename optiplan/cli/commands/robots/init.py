@@ -81,6 +81,6 @@ def init(
                 choices = wizard.ask(source.load, choices)
             with ProgressLog() as progress:
                 robot, choices = prepare(source, choices, allow_pairs == TOUCHING, progress)
-            robot_files.write_robot(source, folder, robot, choices)
-    wizard.show(robot, folder, as_json, full, read.notes)
+            notes = robot_files.write_robot(source, folder, robot, choices)
+    wizard.show(robot, folder, as_json, full, notes)
     return 0

@@ -164,8 +164,10 @@ class _UsdWriter:
         off = pin.log6(moved(joint.kind == TURNS, axis, q).actInv(X)) if joint.moves else motion
         if max(np.linalg.norm(off.linear), np.linalg.norm(off.angular)) > OFF:
             self.notes.append(f"{path} is not drawn where the joint {joint.path} puts it: the joint counts")
-        if joint.moves and not joint.lower <= q <= joint.upper:
-            q = float(np.clip(q, joint.lower, joint.upper))
+        inside = float(np.clip(q, joint.lower, joint.upper)) if joint.moves else q
+        if abs(inside - q) > OFF:
+            self.notes.append(f"{joint.path} is drawn beyond its limits: it is taken as at {inside:g}")
+        q = inside
         return 0.0 if abs(q) < 1e-9 else q
 
     def _moving(self, joint: UsdJoint, links: tuple[str, str], X_PF: pin.SE3, axis: Array) -> None:
