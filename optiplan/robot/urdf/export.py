@@ -31,6 +31,9 @@ def export_urdf(robot: Robot) -> str:
         limit = joints[name].find("limit")
         assert limit is not None  # `read_urdf` gives one to every joint that can be planned
         limit.set("velocity", repr(float(robot.limits.velocity[i])))
+        for key, end in (("lower", robot.limits.lower[i]), ("upper", robot.limits.upper[i])):
+            if np.isfinite(end):
+                limit.set(key, repr(float(end)))
         for key in limit.attrib.keys() & _RATES.keys():
             limit.set(key, repr(float(getattr(robot.limits, _RATES[key])[i])))
         if np.isfinite(robot.limits.torque[i]):

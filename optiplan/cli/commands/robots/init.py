@@ -43,8 +43,8 @@ def init(
     """Make a robot from a URDF: choose the joints to plan, find the pairs of links that need no check, write both.
 
     On a terminal it asks for what no flag says; a plain Enter takes what stands in brackets.
-    Robots of MuJoCo, USD and MoveIt are written as robot.urdf with their meshes. The head of robot.yaml says what was
-    left out.
+    Robots of MuJoCo, USD, MoveIt and xacro are written as robot.urdf, those of MuJoCo and USD with their meshes. The
+    head of robot.yaml says what was left out.
 
     [bold]Examples[/]
 
