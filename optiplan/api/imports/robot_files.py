@@ -18,6 +18,7 @@ from optiplan.importers.robots.description import Description
 from optiplan.problem.write import problem_text
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.robot.self_collision.pairs import srdf_words
+from optiplan.robot.urdf.elements import xml_text
 from optiplan.robot.urdf.reader import read_urdf
 from optiplan.robot.urdf.ros_packages import UP
 from optiplan.robot.urdf.srdf import LinkPair, link_pair, srdf_text
@@ -145,7 +146,7 @@ def _with_relative_meshes(text: str, folder: Path) -> str:
     for mesh in root.iter("mesh"):
         if Path(mesh.get("filename", "")).is_absolute():
             mesh.set("filename", os.path.relpath(mesh.get("filename", ""), folder.resolve()))
-    return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
+    return xml_text(root)
 
 
 def _states(source: RobotSource, robot: Robot, notes: list[str]) -> dict[str, dict[str, float]]:

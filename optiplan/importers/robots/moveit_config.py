@@ -23,7 +23,7 @@ from optiplan.files import is_file, read_bytes
 from optiplan.importers.robots.description import Description
 from optiplan.importers.robots.srdf_groups import read_groups
 from optiplan.importers.robots.xacro_files import expand_xacro
-from optiplan.robot.urdf.elements import parsed_xml
+from optiplan.robot.urdf.elements import parsed_xml, xml_text
 from optiplan.robot.urdf.reader import UrdfSource, read_urdf, with_found_meshes
 from optiplan.robot.urdf.ros_packages import RosPackages
 
@@ -82,7 +82,7 @@ def describe_moveit(folder: Path) -> Description:
     return Description(
         source=folder,
         name=srdf.get("name") or root.get("name") or folder.name,
-        text=f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(root, encoding="unicode")}\n',
+        text=xml_text(root),
         files={SRDF_FILE: srdf_text.encode()},
         keys=keys,
         limits=limits,

@@ -8,7 +8,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.config.messages import some
-from optiplan.robot.urdf.elements import origin_element
+from optiplan.robot.urdf.elements import origin_element, xml_text
 
 FAR = 100.0
 """m; a slide without limits is given these, since a URDF has no endless ones."""
@@ -50,7 +50,7 @@ class UrdfTree:
     def text(self) -> str:
         """The whole file."""
         ET.indent(self.root)
-        return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(self.root, encoding="unicode")}\n'
+        return xml_text(self.root)
 
 
 def torques_without(named: Mapping[str, Sequence[str]]) -> list[str]:

@@ -5,6 +5,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 
 from optiplan.robot.robot import Robot
+from optiplan.robot.urdf.elements import xml_text
 from optiplan.robot.urdf.reader import ENDLESS
 
 _RATES = {"acceleration": "acceleration", "deceleration": "acceleration", "jerk": "jerk"}
@@ -40,7 +41,7 @@ def export_urdf(robot: Robot) -> str:
             limit.set("effort", repr(float(robot.limits.torque[i])))
     _add_wheels(root, robot)
     ET.indent(root)
-    return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
+    return xml_text(root)
 
 
 def _add_wheels(root: ET.Element, robot: Robot) -> None:

@@ -21,7 +21,7 @@ from optiplan.errors import InputError, Issue, plain_reason
 from optiplan.files import is_file, read_bytes
 from optiplan.robot.mimic_joints import Mimic, MimicError, leaders_first, resolve
 from optiplan.robot.reference import DESCRIPTION
-from optiplan.robot.urdf.elements import parsed_xml
+from optiplan.robot.urdf.elements import parsed_xml, xml_text
 from optiplan.robot.urdf.mesh_geometries import UrdfBodies, read_bodies
 from optiplan.robot.urdf.ros_packages import RosPackages
 from optiplan.robot.urdf.unused_elements import leave_out
@@ -150,7 +150,7 @@ def with_found_meshes(path: Path, folder: Path, text: str) -> tuple[str, tuple[s
         found = finder.find(mesh.get("filename", ""))
         if found is not None:
             mesh.set("filename", str(found.resolve()))
-    return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(root, encoding="unicode")}\n', tuple(finder.notes)
+    return xml_text(root), tuple(finder.notes)
 
 
 def build_model(source: UrdfSource) -> pin.Model:

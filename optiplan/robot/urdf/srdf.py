@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from optiplan.robot.urdf.elements import parsed_xml
+from optiplan.robot.urdf.elements import parsed_xml, xml_text
 
 LinkPair = tuple[str, str]
 """Two link names in alphabetical order."""
@@ -49,7 +49,7 @@ def srdf_text(name: str, allowed: Mapping[LinkPair, str]) -> str:
     for (a, b), reason in sorted(allowed.items()):
         ET.SubElement(root, "disable_collisions", link1=a, link2=b, reason=reason)
     ET.indent(root)
-    return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
+    return xml_text(root)
 
 
 def _states(root: ET.Element, notes: list[str]) -> list[tuple[str, dict[str, float]]]:
