@@ -51,7 +51,8 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
 
     What `optiplan robots init URDF --no-ask` does. The robot.yaml names the joints, the tool frame and what is given
     here; the rest is OptiPlan's defaults, and `Robot.notes` says what was assumed. Of a robot of another program
-    robot.urdf and its meshes are written too, and the head of the robot.yaml says what was left out.
+    robot.urdf is written too, with the meshes of MJCF and USD; those of xacro and MoveIt stay where they are. The head
+    of the robot.yaml says what was left out.
 
     Args:
         urdf: the path of a URDF, a xacro file, MuJoCo's MJCF, a USD stage, or a MoveIt configuration folder; meshes are

@@ -179,7 +179,7 @@ def _cover(vertices: Array, triangles: Triangles) -> Cover:
     return Cover("convex_pieces", pieces.vertices, pieces.over_cover, beyond)
 
 
-def pieces_of(mesh: Soup, identity: bytes, options: CoacdOptions = CoacdOptions()) -> CoacdPieces:
+def pieces_of(mesh: Soup, options: CoacdOptions = CoacdOptions()) -> CoacdPieces:
     """Return convex pieces that together contain every triangle of a mesh; cached on disk.
 
     CoACD's pieces cut corners of the mesh. So each triangle is assigned to the piece that contains it best; one that
@@ -188,10 +188,10 @@ def pieces_of(mesh: Soup, identity: bytes, options: CoacdOptions = CoacdOptions(
 
     Args:
         mesh: triangles, in m.
-        identity: bytes that identify this mesh, such as those of its file and its scale.
         options: how finely it is cut.
     """
-    key = cache.digest([identity, repr(asdict(options)).encode()])
+    made_with = repr((COVER_VERSION, asdict(options))).encode()
+    key = cache.digest([mesh.vertices.tobytes(), mesh.triangles.tobytes(), made_with])
 
     def make() -> bytes:
         log.info("cutting a mesh of %d triangles into convex pieces, once", len(mesh.triangles))

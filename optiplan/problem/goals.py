@@ -8,7 +8,7 @@ import numpy as np
 
 from optiplan.arrays import Array, Flags
 from optiplan.collision.model import CollisionModel
-from optiplan.kinematics.ik.joint_wraps import endless_turns, whole_turns
+from optiplan.kinematics.ik.joint_wraps import apart, endless_turns, whole_turns
 from optiplan.problem.goals_and_vias import AllOfGoal, ExactGoal
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem
 from optiplan.problem.regions.region import RegionGoal
@@ -136,7 +136,7 @@ def _in_region(
     least = IkResult(found, named[0], np.inf, np.inf)
     for k, seed in enumerate(named + seeds[1]):
         q, inside = sampler.onto(seed) if k < len(named) else sampler.drawn(seed, rng)
-        if inside and all(np.abs(q - other).max() > _DISTINCT for other in found):
+        if inside and all(apart(robot, q, other) > _DISTINCT for other in found):
             found.append(q)
         miss = sampler.miss(q)
         if sum(miss) < least.position_error + least.orientation_error:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +12,6 @@ from optiplan.config.document import Document
 from optiplan.config.messages import choices
 from optiplan.config.values import LARGEST_COORDINATE
 from optiplan.errors import InputError, Issue, plain_reason
-from optiplan.files import read_bytes
 from optiplan.geometry.convex import body_of, cover_of, hull_of, over_cover_of, pieces_of
 from optiplan.geometry.file_shapes import triangle_mesh
 from optiplan.geometry.meshes.triangles import Soup
@@ -104,7 +102,7 @@ def _treated(item: pin.GeometryObject, mesh: Soup | None, wanted: Treatment, not
                 notes.append(f"{item.name}: a body around its hull, farther out by at most {_mm(hull.over_cover)}")
             return _Treated("hull", over_cover_of(mesh, [hull.vertices]), _bodies(item, [vertices]))
         case "convex_pieces":
-            pieces = pieces_of(mesh, read_bytes(Path(item.meshPath)) + np.asarray(item.meshScale).tobytes())
+            pieces = pieces_of(mesh)
             beyond, count = over_cover_of(mesh, pieces.vertices), len(pieces.vertices)
             made = f"{count} convex pieces" if count > 1 else "its hull, which pieces nearly fill"
             made += f", grown by at most {_mm(pieces.growth)}" if count > 1 else ""

@@ -400,8 +400,12 @@ def _urdf(arms: Sequence[_Arm]) -> str:
 
 
 def _renamed(robot: ET.Element, arm: _Arm) -> Iterator[ET.Element]:
-    """Yield links and joints of a URDF by the names of the whole."""
+    """Yield links, joints and materials of a URDF by the names of the whole."""
+    for material in robot.iterfind(".//material[@name]"):  # links refer to those of the root by name
+        material.set("name", arm.of(material.get("name", "")))
     for element in robot:
+        if element.tag == "material":
+            yield element
         if element.tag not in ("link", "joint") or (element.tag == "joint" and element.find("parent") is None):
             continue
         element.set("name", arm.of(element.get("name", "")))

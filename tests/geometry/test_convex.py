@@ -4,6 +4,7 @@ import pytest
 import trimesh
 
 from optiplan.geometry.convex import CoacdOptions, faces_of, hull_of, mesh_vertices, pieces_of, protrusion, soup_of
+from optiplan.geometry.meshes.triangles import Soup
 from optiplan.robot.robot import load_robot
 from tests.robot.robots import LINK, joint, write_robot
 
@@ -64,7 +65,7 @@ def test_no_hull_of_nothing(points):
 
 def test_pieces_contain_the_mesh_and_leave_its_hollow_free(angle):
     mesh = load(angle)
-    pieces = pieces_of(soup_of(mesh), b"angle")
+    pieces = pieces_of(soup_of(mesh))
     bodies = [faces_of(piece) for piece in pieces.vertices]
     assert len(bodies) > 1
     sticking_out = np.min([protrusion(faces, dense(mesh)) for faces in bodies], axis=0)
@@ -78,7 +79,7 @@ def test_pieces_contain_the_mesh_and_leave_its_hollow_free(angle):
 
 def test_a_convex_mesh_is_one_piece(tmp_path):
     trimesh.creation.icosphere(subdivisions=2, radius=0.1).export(tmp_path / "ball.stl")
-    assert len(pieces_of(soup_of(load(tmp_path / "ball.stl")), b"ball").vertices) == 1
+    assert len(pieces_of(soup_of(load(tmp_path / "ball.stl"))).vertices) == 1
 
 
 def test_a_robot_file_may_ask_for_pieces_of_a_convex_mesh(tmp_path):
@@ -90,14 +91,16 @@ def test_a_robot_file_may_ask_for_pieces_of_a_convex_mesh(tmp_path):
 
 
 def test_pieces_are_kept_by_mesh_and_options(angle, own_cache, monkeypatch):
-    first = pieces_of(soup_of(load(angle)), b"angle")
+    first = pieces_of(soup_of(load(angle)))
     assert len(list(own_cache.glob("pieces/*.npz"))) == 1
     monkeypatch.setattr("optiplan.geometry.convex._cut", lambda *_: pytest.fail("cut again"))
-    again = pieces_of(soup_of(load(angle)), b"angle")
+    again = pieces_of(soup_of(load(angle)))
     assert again.growth == first.growth
     assert all(np.array_equal(a, b) for a, b in zip(first.vertices, again.vertices, strict=True))
-    with pytest.raises(pytest.fail.Exception):
-        pieces_of(soup_of(load(angle)), b"angle", CoacdOptions(threshold=0.2))
+    mesh = soup_of(load(angle))
+    for other, options in ((mesh.vertices, CoacdOptions(threshold=0.2)), (1.001 * mesh.vertices, CoacdOptions())):
+        with pytest.raises(pytest.fail.Exception):
+            pieces_of(Soup(other, mesh.triangles), options)
 
 
 @pytest.mark.parametrize(

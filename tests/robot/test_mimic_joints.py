@@ -1,6 +1,7 @@
 """Joints that follow others: everywhere the robot is the one whose joints stand at A q + b."""
 
 import base64
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 
 import numpy as np
@@ -364,6 +365,9 @@ def test_the_exported_urdf_has_the_mimics(robot, tmp_path):
     again = load_robot(str(tmp_path))
     assert again.followers == robot.followers
     np.testing.assert_array_equal(again.limits.lower, robot.limits.lower)
+    limit = ET.parse(tmp_path / "again.urdf").find("joint[@name='elbow']/limit")
+    stated = [float(limit.get(end)) for end in ("lower", "upper")]
+    assert stated == [robot.limits.lower[1], robot.limits.upper[1]] == pytest.approx([-2 / 1.7, 2 / 1.7])
 
 
 def test_derivatives_of_torque_come_from_the_unfolded_model(robot):

@@ -11,6 +11,7 @@ import optiplan as op
 from optiplan.errors import InputError, UnknownChoiceError
 from optiplan.robot.robot import load_robot
 from optiplan.robot.urdf.export import export_urdf
+from tests.robot.robots import chain, joint, write_robot
 
 FAR = {"use": "two_links", "base": op.Pose((0, 5.0, 0))}
 THROUGH = {"use": "planar2r", "base": op.Pose((-0.263, -0.11, 0))}
@@ -98,6 +99,24 @@ def test_the_urdf_holds_the_same_robot(arms, tmp_path):
     np.testing.assert_allclose(
         again.fk(q, "right/panda_rightfinger").matrix, arms.fk(q, "right/panda_rightfinger").matrix, atol=1e-9
     )
+
+
+def test_the_urdf_has_the_materials_of_all_arms(tmp_path):
+    colours = []
+    for name, rgba in (("a", "1 0 0 1"), ("b", "0 0 1 1")):
+        parts = chain(joint("j1", "a", "b"))
+        visual = '<visual><geometry><sphere radius="0.1"/></geometry><material name="paint"/></visual>'
+        parts[0] = parts[0].replace("</link>", f"{visual}</link>")
+        material = f'<material name="paint"><color rgba="{rgba}"/></material>'
+        path = write_robot(tmp_path / name, [material, *parts])
+        colours.append(({"use": str(path), "base": op.Pose((0, 2.0 * len(colours), 0))}, rgba))
+    arms = op.Robot.side_by_side({name: one for name, (one, _) in zip("ab", colours, strict=True)})
+    root = ET.fromstring(export_urdf(arms))
+    stated = {one.get("name"): one.find("color").get("rgba") for one in root.findall("material")}
+    used = [
+        link.find("visual/material").get("name") for link in root.findall("link") if link.find("visual") is not None
+    ]
+    assert [stated[name] for name in used] == [rgba for _, rgba in colours]
 
 
 def test_up_to_eight_arms():

@@ -307,6 +307,21 @@ def test_a_folder_that_is_called_like_a_package_and_is_another_one_is_not_taken(
     assert size_of_m(load_robot(str(path))) == pytest.approx(0.3)
 
 
+@pytest.mark.parametrize("manifest", ["<package><name>arm</name></package>", ""])
+def test_the_package_that_holds_the_urdf_comes_before_a_copy_beside_the_robot_file(tmp_path, manifest):
+    own, copy = tmp_path / "ws/src/arm", tmp_path / "arm"
+    for folder, size in ((own, 0.3), (copy, 0.1)):
+        write_cube(folder / "meshes/base_link.stl", size)
+        (folder / "package.xml").write_text("<package><name>arm</name></package>")
+    (own / "package.xml").write_text(manifest)
+    write_robot(own / "urdf", meshed("collision", "package://arm/meshes/base_link.stl"))
+    path = write_robot(tmp_path / "cells/a", [])
+    path.write_text(path.read_text().replace("robot.urdf", str(own / "urdf/robot.urdf")))
+    robot = load_robot(str(path))
+    assert size_of_m(robot) == pytest.approx(0.3)
+    assert f"meshes of package arm are read from {own}, not from {copy}" in robot.notes
+
+
 def test_a_file_that_a_package_lacks_is_not_guessed(tmp_path):
     write_cube(tmp_path / "arm/meshes/base_link.stl", 0.1)
     (tmp_path / "tool").mkdir()

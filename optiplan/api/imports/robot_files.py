@@ -9,12 +9,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from optiplan.errors import InputError, Issue
 from optiplan.files import write_bytes, write_text
+from optiplan.importers.moveit import CLAMP
 from optiplan.importers.robots.description import Description
 from optiplan.problem.write import problem_text
 from optiplan.robot.robot import Robot, load_robot
-from optiplan.robot.urdf.srdf import LinkPair, srdf_text
+from optiplan.robot.self_collision.pairs import srdf_words
+from optiplan.robot.urdf.elements import xml_text
+from optiplan.robot.urdf.reader import read_urdf
+from optiplan.robot.urdf.ros_packages import UP
+from optiplan.robot.urdf.srdf import LinkPair, link_pair, srdf_text
 
 YAML_NAME, SRDF_NAME, URDF_NAME = "robot.yaml", "robot.srdf", "robot.urdf"
 
@@ -40,8 +47,8 @@ class RobotSource:
 
     def load(self, choices: Choices) -> Robot:
         """Load the robot of a robot.yaml that is not written yet."""
-        with tempfile.TemporaryDirectory() as made:
-            path = Path(made) / YAML_NAME
+        with _passing_folder() as made:
+            path = made / YAML_NAME
             data = _data(str(self.urdf.resolve()), self, choices)
             if "srdf" in data:
                 data["srdf"] = str(self.urdf.resolve().parent / data["srdf"])
@@ -68,11 +75,20 @@ def laid_out(described: Description, name: str | None = None) -> Iterator[RobotS
     if described.urdf is not None:
         yield RobotSource(described, described.urdf, name or described.name)
         return
-    with tempfile.TemporaryDirectory() as made:
+    with _passing_folder() as made:
         for file, content in described.files.items():
-            write_bytes(Path(made) / file, content)
-        write_text(Path(made) / URDF_NAME, described.text)
-        yield RobotSource(described, Path(made) / URDF_NAME, name or described.name)
+            write_bytes(made / file, content)
+        write_text(made / URDF_NAME, described.text)
+        yield RobotSource(described, made / URDF_NAME, name or described.name)
+
+
+@contextmanager
+def _passing_folder() -> Iterator[Path]:
+    """Yield a folder that is removed in the end, so deep that no package is looked for beside it."""
+    with tempfile.TemporaryDirectory() as made:
+        folder = Path(made).joinpath(*["made"] * UP)
+        folder.mkdir(parents=True)
+        yield folder
 
 
 def refuse_files(folder: Path, force: bool, described: Description | None = None) -> None:
@@ -93,11 +109,12 @@ def at_rest(source: RobotSource, robot: Robot, choices: Choices) -> Choices:
     return replace(choices, locked=tuple({**rest, **given}.items()))
 
 
-def write_robot(source: RobotSource, folder: Path, robot: Robot, choices: Choices) -> None:
-    """Write URDF and meshes of an imported robot, the SRDF and at last the robot.yaml, with joints and tool frame.
+def write_robot(source: RobotSource, folder: Path, robot: Robot, choices: Choices) -> list[str]:
+    """Write URDF and meshes of an imported robot, the SRDF and at last the robot.yaml; return what its head says.
 
-    The robot.yaml does not name that SRDF: its pairs hold for these joints, limits and locked values only, and where a
-    problem chooses others they are found anew.
+    The robot.yaml has the joints and the tool frame, the SRDF the names of the URDF. The former does not name the
+    latter: its pairs hold for these joints, limits and locked values only, and where a problem chooses others they are
+    found anew.
     """
     described = source.described
     if described.urdf is None:
@@ -111,12 +128,16 @@ def write_robot(source: RobotSource, folder: Path, robot: Robot, choices: Choice
     if "groups" not in described.keys or choices.group:
         chosen = replace(choices, group=robot.joint_names, tool=robot.tool_frame)
     data = _data(urdf, source, chosen)
-    if states := _states(source, robot):
-        data["configurations"] = states
     notes = [*described.notes, *_unplanned_limits(described.limits, data)]
+    if states := _states(source, robot, notes):
+        data["configurations"] = states
     comment = "\n".join([f"Made by `optiplan robots init {described.source.name}`.", *notes])
-    write_text(folder / SRDF_NAME, srdf_text(robot.name, robot.allowed))
+    own = {new: old for old, new in read_urdf(source.urdf, source.urdf.parent).renamed.items()}
+    pairs = srdf_words(robot.allowed).items()
+    words = {link_pair(*(own.get(link, link) for link in pair)): word for pair, word in pairs}
+    write_text(folder / SRDF_NAME, srdf_text(robot.name, words))
     write_text(folder / YAML_NAME, problem_text(data, comment))
+    return notes
 
 
 def _with_relative_meshes(text: str, folder: Path) -> str:
@@ -125,18 +146,32 @@ def _with_relative_meshes(text: str, folder: Path) -> str:
     for mesh in root.iter("mesh"):
         if Path(mesh.get("filename", "")).is_absolute():
             mesh.set("filename", os.path.relpath(mesh.get("filename", ""), folder.resolve()))
-    return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
+    return xml_text(root)
 
 
-def _states(source: RobotSource, robot: Robot) -> dict[str, dict[str, float]]:
-    """The named configurations of the source that give every planned joint a position within its limits."""
+def _states(source: RobotSource, robot: Robot, notes: list[str]) -> dict[str, dict[str, float]]:
+    """The named configurations of the source that give every planned joint a position within its limits.
+
+    Values that rounding took out of their limits are put on them. Others are left out with a note, but for those that
+    give no planned joint a position: they are of another group.
+    """
     names, lower, upper = robot.joint_names, robot.limits.lower, robot.limits.upper
     found: dict[str, dict[str, float]] = {}
     for name, state in source.described.states.items():
-        if all(joint in state for joint in names):
-            values = [state[joint] for joint in names]
-            if all(low <= q <= high for low, q, high in zip(lower, values, upper, strict=True)):
-                found[name] = dict(zip(names, values, strict=True))
+        missing = [joint for joint in names if joint not in state]
+        if missing:
+            if len(missing) < len(names):
+                notes.append(f"left out: configuration {name}, which gives no position of {', '.join(missing)}")
+            continue
+        values = np.array([state[joint] for joint in names])
+        inside = np.clip(values, lower, upper)
+        far = [joint for joint, off in zip(names, np.abs(values - inside), strict=True) if not off <= CLAMP]
+        if far:
+            notes.append(f"left out: configuration {name}, in which {', '.join(far)} is beyond its limits")
+            continue
+        if moved := [joint for joint, a, b in zip(names, values, inside, strict=True) if a != b]:
+            notes.append(f"configuration {name} has {', '.join(moved)} beyond limits by rounding: moved to the limit")
+        found[name] = dict(zip(names, inside.tolist(), strict=True))
     return found
 
 

@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import Any
 
+import pinocchio as pin
+
 from optiplan.api.loading import load_robot
 from optiplan.errors import InputError, Issue, described, flag_argument, path_argument, wrong_argument
 from optiplan.files import write_bytes, write_text
@@ -51,7 +53,7 @@ def import_scene(source: Path | str, out: Path | str, robot: Path | str, *, repl
 
 
 def write_scene(scene: ImportedScene, target: Path, robot: Path | str, force: bool) -> None:
-    """Write a scene as a problem file, with meshes beside it.
+    """Write a scene as a problem file, with meshes beside it; obstacles called like a link get another name.
 
     Raises:
         InputError: the robot cannot be used, or a file is there already.
@@ -64,6 +66,7 @@ def write_scene(scene: ImportedScene, target: Path, robot: Path | str, force: bo
     for file, content in scene.files.items():
         write_bytes(target.parent / file, content)
     reference = str(robot) if str(robot) in robot_names() else str(Path(robot).resolve())
+    scene.rename([frame.name for frame in loaded.model.frames if frame.type == pin.FrameType.BODY])
     ends = _ends(loaded)
     data = {
         "version": 1,

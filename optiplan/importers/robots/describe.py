@@ -29,7 +29,7 @@ def describe(path: Path) -> Description:
         from optiplan.importers.robots.usd.to_urdf import describe_usd
 
         return describe_usd(path)
-    if path.suffix == ".xacro" or (is_file(path) and b"<xacro:" in read_bytes(path)):
+    if path.suffix == ".xacro" or b"<xacro:" in _markup(path):
         return _expanded(path)
     if root_tag(path) == "mujoco":
         from optiplan.importers.robots.mjcf.to_urdf import describe_mjcf
@@ -52,7 +52,10 @@ def _expanded(path: Path) -> Description:
 
 def root_tag(path: Path) -> str:
     """The tag of the root of an XML file; empty where it is none."""
-    if not is_file(path):
-        return ""
-    match = _ROOT.search(_SKIPPED.sub(b"", read_bytes(path)))
+    match = _ROOT.search(_markup(path))
     return "" if match is None else match[1].decode()
+
+
+def _markup(path: Path) -> bytes:
+    """An XML file without comments, declarations and processing instructions; empty where there is none."""
+    return _SKIPPED.sub(b"", read_bytes(path)) if is_file(path) else b""

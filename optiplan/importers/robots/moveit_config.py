@@ -9,7 +9,7 @@ all others          left out with a remark: kinematics, controllers, planners, s
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from optiplan.files import is_file, read_bytes
 from optiplan.importers.robots.description import Description
 from optiplan.importers.robots.srdf_groups import read_groups
 from optiplan.importers.robots.xacro_files import expand_xacro
-from optiplan.robot.urdf.elements import parsed_xml
+from optiplan.robot.urdf.elements import parsed_xml, xml_text
 from optiplan.robot.urdf.reader import UrdfSource, read_urdf, with_found_meshes
 from optiplan.robot.urdf.ros_packages import RosPackages
 
@@ -67,7 +67,7 @@ def describe_moveit(folder: Path) -> Description:
     limits, positions, notes = _joint_limits(folder, urdf)
     text, guessed = with_found_meshes(named.urdf, folder, text)
     root = ET.fromstring(text)
-    _narrow(root, positions)
+    notes += _narrow(root, positions)
     keys: dict[str, Any] = {"srdf": SRDF_FILE}
     if groups.groups:
         keys["groups"] = groups.groups
@@ -82,7 +82,7 @@ def describe_moveit(folder: Path) -> Description:
     return Description(
         source=folder,
         name=srdf.get("name") or root.get("name") or folder.name,
-        text=f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(root, encoding="unicode")}\n',
+        text=xml_text(root),
         files={SRDF_FILE: srdf_text.encode()},
         keys=keys,
         limits=limits,
@@ -203,6 +203,10 @@ def _joint_limits(
                 None if stated.get(key) is None else _number(path, joint, key, stated[key], signed=True)
                 for key in ("min_position", "max_position")
             )
+            if low is not None and high is not None and low >= high:
+                found = f"{low:g}, which is not below max_position, {high:g}"
+                where = _line(path, joint)
+                raise InputError([Issue(str(path), where, f"{joint}.min_position", found, "a number below it")])
             positions[joint] = (low, high)
     return {key: values for key, values in rates.items() if values}, positions, notes
 
@@ -215,10 +219,17 @@ def _number(path: Path, joint: str, key: str, value: object, signed: bool = Fals
     return float(value)  # type: ignore[arg-type]
 
 
-def _narrow(root: ET.Element, positions: Mapping[str, tuple[float | None, float | None]]) -> None:
-    """Put position limits into the URDF."""
+def _narrow(root: ET.Element, positions: Mapping[str, tuple[float | None, float | None]]) -> Iterator[str]:
+    """Put position limits into the URDF; note those of one end of a joint that turns without end."""
     for joint in root.findall("joint"):
-        limit = joint.find("limit")
-        for key, value in zip(("lower", "upper"), positions.get(joint.get("name", ""), (None, None)), strict=True):
+        name, limit = joint.get("name", ""), joint.find("limit")
+        ends = positions.get(name, (None, None))
+        if joint.get("type") == "continuous" and any(end is not None for end in ends):
+            if None in ends:
+                yield f"left out: the position limit of {name}, which turns without end and has one end only"
+                continue
+            joint.set("type", "revolute")
+            limit = ET.SubElement(joint, "limit") if limit is None else limit
+        for key, value in zip(("lower", "upper"), ends, strict=True):
             if limit is not None and value is not None:
                 limit.set(key, repr(value))

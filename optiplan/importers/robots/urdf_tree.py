@@ -1,13 +1,14 @@
 """Links and joints of a URDF that is written, with names that nothing else has."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.robot.urdf.elements import origin_element
+from optiplan.config.messages import some
+from optiplan.robot.urdf.elements import origin_element, xml_text
 
 FAR = 100.0
 """m; a slide without limits is given these, since a URDF has no endless ones."""
@@ -49,7 +50,13 @@ class UrdfTree:
     def text(self) -> str:
         """The whole file."""
         ET.indent(self.root)
-        return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(self.root, encoding="unicode")}\n'
+        return xml_text(self.root)
+
+
+def torques_without(named: Mapping[str, Sequence[str]]) -> list[str]:
+    """Remarks on what a robot here is without, though its source states it: the names of joints by kind."""
+    kinds = ((kind, some(joints, 6)) for kind, joints in named.items() if joints)
+    return [f"left out, torques are without it: {kind} of {joints}" for kind, joints in kinds]
 
 
 def moved(turns: bool, axis: Array, q: float) -> pin.SE3:

@@ -1,6 +1,6 @@
 """What an importer makes of another program's scene: obstacles, mesh files beside the problem file, remarks."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,17 @@ class ImportedScene:
         n = X_WP.rotation @ (np.array(list(normal), float) / np.linalg.norm(list(normal)))
         offset = float(n @ X_WP.translation)
         self.add(name, {"half_space": {"normal": [float(x) for x in n], "offset": offset}}, pin.SE3.Identity())
+
+    def rename(self, taken: Collection[str]) -> None:
+        """Give the obstacles other names whose own something else has, such as a link of the robot."""
+        names = {body["name"] for body in self.obstacles}
+        for body in (body for body in self.obstacles if body["name"] in taken):
+            new = body["name"]
+            while new in taken or new in names:
+                new += "_"
+            self.notes.append(f"obstacle {body['name']} is called {new}, since a link of the robot is called so")
+            body["name"] = new
+            names.add(new)
 
     def note_bodies(self, robots: Sequence[str], loose: Sequence[str]) -> None:
         """Note the bodies with joints, which are left out, and those that lie loose."""

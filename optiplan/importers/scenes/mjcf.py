@@ -1,18 +1,22 @@
-"""The bodies of an MJCF file that stand still or lie loose, as obstacles; bodies with other joints are robots."""
+"""The bodies of an MJCF file that stand still or lie loose, as obstacles; bodies with other joints are robots.
+
+A file of which no such geom can touch is a picture: all that are drawn are taken.
+"""
 
 from pathlib import Path
 from typing import Any
 
 import pinocchio as pin
 
+from optiplan.config.messages import some
 from optiplan.importers.robots.mjcf.compiled import compile_mjcf
-from optiplan.importers.robots.mjcf.geoms import mesh_of, touches
+from optiplan.importers.robots.mjcf.geoms import SEEN, carried_bodies, mesh_of, touches
 from optiplan.importers.robots.polyhedra import ellipsoid_hull
 from optiplan.importers.scenes.imported import ImportedScene
 
 
 def read_mjcf_scene(path: Path) -> ImportedScene:
-    """Read the bodies of an MJCF file at its reference positions.
+    """Read the bodies of an MJCF file as its first keyframe has them, else at its reference positions.
 
     Raises:
         InputError: no MJCF, or one that MuJoCo does not compile.
@@ -21,12 +25,12 @@ def read_mjcf_scene(path: Path) -> ImportedScene:
     mujoco, model, remarks = compile_mjcf(path)
     scene = ImportedScene(path, notes=list(remarks))
     data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_kinematics(model, data)
-    free = int(mujoco.mjtJoint.mjJNT_FREE)
-    jointed = {b for b in range(model.nbody) if any(int(model.jnt_type[j]) != free for j in _joints(model, b))}
-    robots = {b for b in range(model.nbody) if _above(model, b) & jointed}
-    for geom in (g for g in range(model.ngeom) if touches(model, g) and int(model.geom_bodyid[g]) not in robots):
-        name = str(model.geom(geom).name or model.body(int(model.geom_bodyid[geom])).name or "body")
+    robots = carried_bodies(mujoco, model)
+    for geom in _solid(model, robots, scene):
+        name = _name(model, geom)
         X_WG = pin.SE3(data.geom_xmat[geom].reshape(3, 3).copy(), data.geom_xpos[geom].copy())
         if int(model.geom_type[geom]) == mujoco.mjtGeom.mjGEOM_PLANE:
             scene.add_half_space(name, X_WG)
@@ -35,9 +39,27 @@ def read_mjcf_scene(path: Path) -> ImportedScene:
         else:
             scene.notes.append(f"left out: {name}, a height field or signed distance field")
     left_out = [str(model.body(b).name) for b in sorted(robots) if int(model.body_parentid[b]) not in robots]
-    loose = [str(model.body(b).name) for b in range(model.nbody) if len(_joints(model, b)) and b not in robots]
+    loose = [str(model.body(b).name) for b in range(model.nbody) if model.body_jntnum[b] and b not in robots]
     scene.note_bodies(left_out, loose)
+    if model.nkey and loose:
+        scene.notes.append(f"loose bodies stand as in the keyframe {model.key(0).name or 'number 0'}")
     return scene
+
+
+def _solid(model: Any, robots: set[int], scene: ImportedScene) -> list[int]:
+    """The geoms of no robot that can touch; without any, those that are drawn."""
+    geoms = [geom for geom in range(model.ngeom) if int(model.geom_bodyid[geom]) not in robots]
+    solid = [geom for geom in geoms if touches(model, geom)]
+    if not solid and (drawn := [geom for geom in geoms if model.geom_group[geom] < SEEN]):
+        scene.notes.append("no geom outside of robots can touch another: all that the file shows are obstacles")
+        return drawn
+    if ghosts := [_name(model, geom) for geom in geoms if geom not in solid]:
+        scene.notes.append(f"left out, since they cannot touch: geoms of {some(list(dict.fromkeys(ghosts)), 6)}")
+    return solid
+
+
+def _name(model: Any, geom: int) -> str:
+    return str(model.geom(geom).name or model.body(int(model.geom_bodyid[geom])).name or "body")
 
 
 def _shape(kinds: Any, model: Any, geom: int, name: str, scene: ImportedScene) -> dict[str, Any] | None:
@@ -61,17 +83,3 @@ def _shape(kinds: Any, model: Any, geom: int, name: str, scene: ImportedScene) -
 def _hull(shape: dict[str, Any]) -> dict[str, Any]:
     """The convex hull of a mesh, as MuJoCo takes it."""
     return {"mesh": {**shape["mesh"], "convex": True}}
-
-
-def _joints(model: Any, body: int) -> range:
-    first = int(model.body_jntadr[body])
-    return range(first, first + int(model.body_jntnum[body])) if first >= 0 else range(0)
-
-
-def _above(model: Any, body: int) -> set[int]:
-    """A body and those that carry it."""
-    found = {body}
-    while body > 0:
-        body = int(model.body_parentid[body])
-        found.add(body)
-    return found

@@ -28,7 +28,8 @@ def read_moveit_scene(path: Path) -> ImportedScene:
     """Read a `.scene` file.
 
     Raises:
-        InputError: a file that is cut off, a shape that is not known, or no number where one is meant, with its line.
+        InputError: a file that is cut off, a shape that is not known or has no size, or no number where one is meant;
+            with its line.
     """
     lines = _Lines(path)
     scene = ImportedScene(path)
@@ -63,7 +64,7 @@ def _shape(lines: "_Lines", kind: str, name: str, X_WO: pin.SE3, scene: Imported
         if not len(faces) or faces.min() < 0 or faces.max() >= len(points):
             raise lines.issue(f"a mesh of {name} with {len(faces)} triangles of {len(points)} vertices", "a whole mesh")
     elif kind in _SIZES:
-        size = lines.numbers(_SIZES[kind], f"the sizes of a {kind}")
+        size = _sizes(lines, kind, name)
     else:
         raise lines.issue(f"the shape '{kind}'", f"one of: {', '.join([*_SIZES, 'mesh'])}")
     X_WS = X_WO * lines.pose()
@@ -76,7 +77,7 @@ def _shape(lines: "_Lines", kind: str, name: str, X_WO: pin.SE3, scene: Imported
         scene.add(name, {"sphere": size[0]}, X_WS)
     elif kind == "plane":
         a, b, c, d = size
-        length = float(np.linalg.norm([a, b, c])) or 1.0
+        length = float(np.linalg.norm([a, b, c]))
         X_SP = pin.SE3(np.eye(3), np.array([a, b, c]) * (-d / length**2))
         scene.add_half_space(name, X_WS * X_SP, (a, b, c))
         scene.notes.append(f"plane {name} became a half-space that is solid against its normal")
@@ -84,6 +85,16 @@ def _shape(lines: "_Lines", kind: str, name: str, X_WO: pin.SE3, scene: Imported
         if kind == "cone":
             scene.notes.append(f"cone {name} became the cylinder around it")
         scene.add(name, {"cylinder": {"radius": size[0], "length": size[1]}}, X_WS)
+
+
+def _sizes(lines: "_Lines", kind: str, name: str) -> Sequence[float]:
+    size = lines.numbers(_SIZES[kind], f"the sizes of a {kind}")
+    found = f"{' '.join(f'{x:g}' for x in size)} of {name}"
+    if kind == "plane" and not any(size[:3]):
+        raise lines.issue(f"the plane {found}", "a normal that is not 0 0 0")
+    if kind != "plane" and min(size) <= 0.0:
+        raise lines.issue(f"the sizes {found}, a {kind}", "numbers > 0, m")
+    return size
 
 
 _SIZES = {"box": 3, "sphere": 1, "cylinder": 2, "cone": 2, "plane": 4}

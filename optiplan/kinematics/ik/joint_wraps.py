@@ -59,6 +59,13 @@ def whole_turns(robot: Robot, q: Array, near: Array, count: int, moving: Flags |
     return _soonest(robot, every, near, count)
 
 
+def apart(robot: Robot, q: Array, other: Array) -> float:
+    """Return the largest difference of a joint, rad or m, between configurations (n,), up to whole turns."""
+    difference = np.abs(q - other)
+    turned = np.abs(np.remainder(difference + np.pi, _TURN) - np.pi)
+    return float(np.where(robot.whole_turns, turned, difference).max(initial=0.0))
+
+
 def endless_turns(robot: Robot, q: Array, near: Array, count: int) -> list[Array]:
     """Return up to `count` configurations equal to q (n,) up to whole turns of endless joints.
 

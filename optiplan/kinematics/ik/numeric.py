@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.geometry.poses import pose_error
+from optiplan.kinematics.ik.joint_wraps import apart
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
 from optiplan.kinematics.ik.null_space import Preference, improve
 from optiplan.robot.batched.kinematics import carrying_joints
@@ -30,7 +31,7 @@ class IkOptions:
         orientation: angle error that still is a solution, rad; pi or more leaves the orientation free.
         count: stop after so many distinct solutions.
         iterations: steps from one start, at most.
-        distinct: solutions differ when some joint differs by more than this, rad or m.
+        distinct: solutions differ when some joint differs by more than this, rad or m, up to whole turns.
         stop: polled between starts.
         prefer: among solutions of a redundant arm; each solution moves to a local minimum of this cost at its pose.
     """
@@ -136,7 +137,7 @@ def _solve(robot: Robot, descent: Descent, X_WG: pin.SE3, seeds: Iterable[Array]
         position, orientation = pose_error(descent.place(q), X_WG)
         if position <= options.position and orientation <= options.orientation:
             q = q if options.prefer is None else improve(descent, robot.limits, q, options.prefer)
-            if all(np.abs(q - other).max() > options.distinct for other in solutions):
+            if all(apart(robot, q, other) > options.distinct for other in solutions):
                 solutions.append(q)
         if nearest is None or position + orientation < nearest.position_error + nearest.orientation_error:
             nearest = IkResult(solutions, q, position, orientation)

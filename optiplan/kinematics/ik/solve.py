@@ -10,8 +10,8 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.geometry.poses import pose_error
 from optiplan.kinematics.ik.closed_form import Solutions, closed_form
-from optiplan.kinematics.ik.joint_wraps import images, whole_turns
-from optiplan.kinematics.ik.numeric import IkOptions, IkResult, random_seeds, solve_ik
+from optiplan.kinematics.ik.joint_wraps import apart, images, whole_turns
+from optiplan.kinematics.ik.numeric import IkOptions, IkResult, joints_that_move, random_seeds, solve_ik
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
 
@@ -49,7 +49,7 @@ class Answer:
     """All branches found, those within limits first, nearest to the wanted configuration first; and the nearest miss.
 
     Attributes:
-        solutions: one a branch.
+        solutions: one a branch, and of free joints at a singular pose others that starts found.
         nearest: when none is within limits: the configuration within limits with the smallest error found, else None.
         reason: why none is within limits, in a sentence; empty else.
     """
@@ -82,22 +82,28 @@ def inverse_kinematics(robot: Robot, frame: str, X_WG: pin.SE3, seeds: Iterable[
 
 
 def answer(robot: Robot, frame: str, X_WG: pin.SE3, near: Array, options: IkOptions | None = None) -> Answer:
-    """Find every branch of the closed form, or solutions from many starts; else the nearest miss within limits."""
-    closed, miss = closed_form(robot, frame), None
-    seeds = [near, *robot.configurations.values()]
-    seeds += random_seeds(robot, near, np.random.default_rng(0), _STARTS)
-    if closed is None:
-        numeric = miss = solve_ik(robot, frame, X_WG, seeds, options or IkOptions())
-        found = [
+    """Find every branch of the closed form, or solutions from many starts; else the nearest miss within limits.
+
+    Where no branch is within limits, or one that is singular is not, its free joints may still be: starts look for it.
+    Joints that do not move the frame stay as they are in `near` (n,).
+    """
+    closed, options = closed_form(robot, frame), options or IkOptions()
+    moving = joints_that_move(robot, frame)
+    drawn = [*robot.configurations.values(), *random_seeds(robot, near, np.random.default_rng(0), _STARTS)]
+    seeds = [near, *(np.where(moving, q, near) for q in drawn)]
+    found = [] if closed is None else _branches(robot, near, closed.solve(X_WG.homogeneous[None]))
+    miss = None
+    if not any(s.within_limits for s in found) or any(s.singular and not s.within_limits for s in found):
+        miss = inverse_kinematics(robot, frame, X_WG, seeds, options)
+        known = [s.q for s in found if s.within_limits]
+        found += [
             _solution(robot, q, near, _NUMERIC, pose_error(frame_pose(robot, q, frame), X_WG))
-            for q in numeric.solutions
+            for q in miss.solutions
+            if all(apart(robot, q, other) > options.distinct for other in known)
         ]
-    else:
-        found = _branches(robot, near, closed.solve(X_WG.homogeneous[None]))
     found.sort(key=lambda s: (not s.within_limits, float(np.abs(s.q - near).max())))
-    if found and found[0].within_limits:
+    if miss is None or (found and found[0].within_limits):
         return Answer(found)
-    miss = miss or inverse_kinematics(robot, frame, X_WG, seeds, IkOptions())
     miss = replace(miss, solutions=[])
     return Answer(found, miss, _reason(robot, frame, found, miss))
 
@@ -114,7 +120,7 @@ def _branches(robot: Robot, near: Array, all_of: Solutions) -> list[Solution]:
     result: list[Solution] = []
     for k in np.flatnonzero(all_of.valid[0]):
         q = all_of.q[0, k]
-        if any(np.abs(np.exp(1j * q) - np.exp(1j * other.q)).max() < _BRANCH_TOLERANCE for other in result):
+        if any(apart(robot, q, other.q) < _BRANCH_TOLERANCE for other in result):
             continue
         position, angle = all_of.error[0, k]
         solution = _solution(robot, q, near, all_of.branches[k], (float(position), float(angle)))

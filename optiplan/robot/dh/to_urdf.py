@@ -23,7 +23,7 @@ from optiplan.errors import InputError, Issue
 from optiplan.geometry.mass_properties import primitive_inertia
 from optiplan.robot.dh.spec import BodySpec, DhPoseSpec, DhRoundSpec, DhSpec, LinkSpec
 from optiplan.robot.dh.table import DhTable, JointKind, along_x, along_z
-from optiplan.robot.urdf.elements import inertial_element, mark_capsule, number_words, origin_element
+from optiplan.robot.urdf.elements import inertial_element, mark_capsule, number_words, origin_element, xml_text
 
 PLACE: Place = ("dh",)
 
@@ -48,7 +48,7 @@ def urdf_text(name: str, spec: DhSpec, document: Document) -> str:
     if writer.issues:
         raise InputError(writer.issues)
     ET.indent(writer.root)
-    return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(writer.root, encoding="unicode")}\n'
+    return xml_text(writer.root)
 
 
 def _name_issues(spec: DhSpec, document: Document) -> Iterator[Issue]:

@@ -31,6 +31,11 @@ def parsed_xml(
         raise InputError([Issue(str(path), line, kind, str(error), "well-formed XML")]) from error
 
 
+def xml_text(root: ET.Element) -> str:
+    """An XML file of this root."""
+    return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
+
+
 def number_words(values: Sequence[float] | Array) -> str:
     """Numbers as an attribute, each in full: reading them gives the same bits."""
     return " ".join(repr(float(value)) for value in values)

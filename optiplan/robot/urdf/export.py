@@ -5,6 +5,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 
 from optiplan.robot.robot import Robot
+from optiplan.robot.urdf.elements import xml_text
 from optiplan.robot.urdf.reader import ENDLESS
 
 _RATES = {"acceleration": "acceleration", "deceleration": "acceleration", "jerk": "jerk"}
@@ -31,13 +32,16 @@ def export_urdf(robot: Robot) -> str:
         limit = joints[name].find("limit")
         assert limit is not None  # `read_urdf` gives one to every joint that can be planned
         limit.set("velocity", repr(float(robot.limits.velocity[i])))
+        for key, end in (("lower", robot.limits.lower[i]), ("upper", robot.limits.upper[i])):
+            if np.isfinite(end):
+                limit.set(key, repr(float(end)))
         for key in limit.attrib.keys() & _RATES.keys():
             limit.set(key, repr(float(getattr(robot.limits, _RATES[key])[i])))
         if np.isfinite(robot.limits.torque[i]):
             limit.set("effort", repr(float(robot.limits.torque[i])))
     _add_wheels(root, robot)
     ET.indent(root)
-    return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
+    return xml_text(root)
 
 
 def _add_wheels(root: ET.Element, robot: Robot) -> None:

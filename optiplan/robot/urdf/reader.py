@@ -16,11 +16,12 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from optiplan.config.messages import some
 from optiplan.errors import InputError, Issue, plain_reason
 from optiplan.files import is_file, read_bytes
 from optiplan.robot.mimic_joints import Mimic, MimicError, leaders_first, resolve
 from optiplan.robot.reference import DESCRIPTION
-from optiplan.robot.urdf.elements import parsed_xml
+from optiplan.robot.urdf.elements import parsed_xml, xml_text
 from optiplan.robot.urdf.mesh_geometries import UrdfBodies, read_bodies
 from optiplan.robot.urdf.ros_packages import RosPackages
 from optiplan.robot.urdf.unused_elements import leave_out
@@ -149,7 +150,7 @@ def with_found_meshes(path: Path, folder: Path, text: str) -> tuple[str, tuple[s
         found = finder.find(mesh.get("filename", ""))
         if found is not None:
             mesh.set("filename", str(found.resolve()))
-    return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(root, encoding="unicode")}\n', tuple(finder.notes)
+    return xml_text(root), tuple(finder.notes)
 
 
 def build_model(source: UrdfSource) -> pin.Model:
@@ -227,12 +228,14 @@ class _MeshFinder:
         self.urdf = urdf
         self.collision: list[Path] = []
         self.notes: list[str] = []
-        self._packages = RosPackages(folder, urdf.parent)
+        self._packages = RosPackages(urdf.parent, folder)
 
     def find(self, name: str) -> Path | None:
         """Return the first file of the candidates; a note says where a package is not found, or not near."""
         package, inside = _in_package(name)
         found, guess = (next(filter(is_file, paths), None) for paths in (self._stated(name), self._guesses(name)))
+        if found is not None and inside:
+            self._note_copies(package, Path(str(found).removesuffix(inside)))
         if guess is None or (found is None and self._packages.find(package) is not None):
             return found
         folder, near = (Path(str(path).removesuffix(inside)) for path in (found or guess, guess))
@@ -241,8 +244,15 @@ class _MeshFinder:
             note = f"package {package} is not found; its meshes are read from {near}"
         elif {folder, folder.parent} & {*self._packages.roots}:
             return found
-        self.notes += [note] if note not in self.notes else []
+        self._note(note)
         return found or guess
+
+    def _note_copies(self, package: str, taken: Path) -> None:
+        if others := [str(folder) for folder in self._packages.copies(package) if folder != taken]:
+            self._note(f"meshes of package {package} are read from {taken}, not from {some(others)}")
+
+    def _note(self, note: str) -> None:
+        self.notes += [note] if note not in self.notes else []
 
     def candidates(self, name: str) -> list[Path]:
         """Return where `find` looks, with the usual folders that there are not."""

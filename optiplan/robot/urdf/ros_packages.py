@@ -18,7 +18,7 @@ class RosPackages:
     """Folders of packages, by the name in their package.xml; each is read when a search comes to it.
 
     Args:
-        near: folders; packages are looked for in them, above them, and beside what is above them.
+        near: folders, the likeliest first; packages are looked for in them, above them, and beside what is above them.
 
     Attributes:
         roots: these folders and those above them, the nearest first.
@@ -37,14 +37,19 @@ class RosPackages:
     def folders(self, name: str) -> Iterator[Path]:
         """Yield the folders near whose package.xml has this name, those called so without one, and then the others.
 
-        Those called so with another name in it come last, such as example-robot-data: its package.xml has a name of its
-        own, and its meshes name the folder.
+        The packages that hold the folders near come before all others: another copy of one may lie beside it. Those
+        called so with another name in it come last, such as example-robot-data: its package.xml has a name of its own,
+        and its meshes name the folder.
         """
         for folders in self._searched():
             yield from (folder for folder in folders if self.name_of(folder) == name)
             yield from (folder for folder in folders if folder.name == name and not self.name_of(folder))
         for folders in self._searched():
             yield from (folder for folder in folders if folder.name == name and self.name_of(folder) not in ("", name))
+
+    def copies(self, name: str) -> list[Path]:
+        """Return the folders near that are called like a package and are it."""
+        return [folder for folder in self._near if folder.name == name and self.name_of(folder) in ("", name)]
 
     def name_of(self, folder: Path) -> str:
         """Return the name in the package.xml of a folder; empty where it has none."""
@@ -57,7 +62,8 @@ class RosPackages:
         return sorted({self.name_of(folder) for folder in chain(*self._searched())} - {""})
 
     def _searched(self) -> Iterator[list[Path]]:
-        """Yield the folders near, then those of the environment."""
+        """Yield the folders near and those above them, what is in these, and then those of the environment."""
+        yield self.roots
         yield self._near
         yield self._installed
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from optiplan.robot.urdf.elements import parsed_xml
+from optiplan.robot.urdf.elements import parsed_xml, xml_text
 
 LinkPair = tuple[str, str]
 """Two link names in alphabetical order."""
@@ -49,18 +49,30 @@ def srdf_text(name: str, allowed: Mapping[LinkPair, str]) -> str:
     for (a, b), reason in sorted(allowed.items()):
         ET.SubElement(root, "disable_collisions", link1=a, link2=b, reason=reason)
     ET.indent(root)
-    return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
+    return xml_text(root)
 
 
 def _states(root: ET.Element, notes: list[str]) -> list[tuple[str, dict[str, float]]]:
     states = []
     for state in root.iter("group_state"):
-        try:
-            values = {joint.get("name", ""): float(joint.get("value", "")) for joint in state.iter("joint")}
-        except ValueError:  # joints of several values (floating bases) cannot be planned anyway
-            continue
-        if all(map(math.isfinite, values.values())):
-            states.append((state.get("name", ""), values))
+        name, values = state.get("name", ""), {}
+        for joint in state.iter("joint"):
+            values[joint.get("name", "")] = numbers = _numbers(joint.get("value", ""))
+            if not numbers or not all(map(math.isfinite, numbers)):
+                what = "no number" if not numbers else "not finite"
+                found = f"'{joint.get('value', '')}' of {joint.get('name')} is {what}"
+                notes.append(f"left out: state {name} of the SRDF, in which {found}")
+                break
         else:
-            notes.append(f"left out: state {state.get('name')} of the SRDF, which has values that are not finite")
+            # Joints of several values, such as floating bases, cannot be planned anyway.
+            if all(len(numbers) == 1 for numbers in values.values()):
+                states.append((name, {joint: numbers[0] for joint, numbers in values.items()}))
     return states
+
+
+def _numbers(text: str) -> list[float]:
+    """The numbers of an attribute; none where a word is no number."""
+    try:
+        return [float(word) for word in text.split()]
+    except ValueError:
+        return []

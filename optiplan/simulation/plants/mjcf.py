@@ -186,8 +186,7 @@ def _shapes(shape: coal.CollisionGeometry) -> Iterator[tuple[str, dict[str, str]
             up = pin.SE3(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), shape.n).matrix(), shape.d * shape.n)
             yield "plane", {"size": number_words([_REACH, _REACH, 1.0])}, up
         case coal.BVHModelBase():
-            soup = soup_of(shape)
-            for vertices in pieces_of(soup, soup.vertices.tobytes() + soup.triangles.tobytes()).vertices:
+            for vertices in pieces_of(soup_of(shape)).vertices:
                 yield "mesh", {"vertex": number_words(vertices.ravel())}, here
         case coal.ConvexBase():
             points = np.array([shape.point(k) for k in range(shape.num_points)])

@@ -169,14 +169,21 @@ def test_bad_files_are_named(arm, tmp_path, old, new, words):
     assert words in str(caught.value)
 
 
-def test_hidden_geoms_are_the_bodies_where_none_can_touch(tmp_path):
+@pytest.mark.parametrize(
+    ("table", "moving"), [("", ""), ('<geom type="box" size="1 1 0.1" pos="0 0 -1"/>', "that moves ")]
+)
+def test_hidden_geoms_are_the_bodies_where_none_can_touch(tmp_path, table, moving):
     path = tmp_path / "ghost.xml"
-    path.write_text("""<mujoco><default><geom contype="0" conaffinity="0"/></default><worldbody><body name="a"><joint/>
-        <geom size="0.1" group="2"/><geom size="0.2" group="3"/></body></worldbody></mujoco>""")
+    table = table and table.replace("/>", ' contype="1" conaffinity="1"/>')
+    path.write_text(f"""<mujoco><default><geom contype="0" conaffinity="0"/></default><worldbody>{table}
+        <body name="a"><joint/><geom size="0.1" group="2"/><geom size="0.2" group="3"/>
+        <body name="b"><joint/><geom size="0.1" group="2"/></body></body></worldbody></mujoco>""")
     described = describe(path)
-    assert described.text.count("<collision>") == 1
-    assert 'radius="0.2"' in described.text[described.text.index("<collision>") :]
-    assert "those that are not drawn are taken as bodies" in " ".join(described.notes)
+    assert described.text.count("<collision>") == (2 if table else 1)
+    assert 'radius="0.2"' in described.text[described.text.rindex("<collision>") :]
+    notes = " | ".join(described.notes)
+    assert f"no geom {moving}can touch another in the file: those that are not drawn are taken as bodies" in notes
+    assert "only drawn, since no geom of them can touch another: b" in notes
 
 
 @pytest.mark.parametrize(("first", "second"), [("a", "b"), ("b", "a")])
@@ -192,6 +199,33 @@ def test_a_leader_carries_its_follower(tmp_path, first, second):
     }
 
 
+@pytest.mark.parametrize(
+    ("drive", "torque", "noted"),
+    [
+        ('<motor joint="j" ctrlrange="-200 200" gear="0.5"/>', 100.0, False),
+        ('<motor joint="j" ctrlrange="-200 200" forcerange="-50 60"/>', 50.0, False),
+        ('<general joint="j" gainprm="3" ctrlrange="-2 2"/>', 6.0, False),
+        ('<position joint="j" ctrlrange="-2 2"/>', 0.0, False),
+        ('<position joint="j" forcerange="0 50" gear="2"/>', 100.0, True),
+        ('<motor joint="j"/>', 0.0, False),
+    ],
+)
+def test_a_drive_limits_the_torque_of_its_joint(tmp_path, drive, torque, noted):
+    path = tmp_path / "one.xml"
+    joint = '<joint name="j" axis="0 1 0" armature="0.1" frictionloss="2" stiffness="3"/>'
+    path.write_text(f"""<mujoco><worldbody><body>{joint}<geom size="0.1"/></body></worldbody>
+        <actuator>{drive}</actuator></mujoco>""")
+    described, notes = describe(path), " | ".join(describe(path).notes)
+    assert read_urdf(Path("one.urdf"), tmp_path, described.text).limit("j", "effort") == pytest.approx(torque)
+    assert ("j is driven one way only" in notes) == noted
+    for kind in (
+        "inertia of rotors (armature) of j",
+        "friction (damping, frictionloss) of j",
+        "springs (stiffness) of j",
+    ):
+        assert kind in notes
+
+
 def test_links_that_overlap_as_drawn_go_unchecked_where_mujoco_lets_them(tmp_path):
     path = tmp_path / "row.xml"
     ball = '<geom size="0.1" {}/>'
@@ -203,6 +237,16 @@ def test_links_that_overlap_as_drawn_go_unchecked_where_mujoco_lets_them(tmp_pat
     described = describe(path)
     assert set(described.allowed) == {("a", "b"), ("a", "d"), ("b", "d"), ("d", "e")}
     assert "overlap as drawn" in " ".join(described.notes)
+
+
+@pytest.mark.parametrize("contact", ["", '<pair geom1="ball" geom2="pedestal"/>'])
+def test_links_of_which_some_geoms_touch_in_mujoco_are_checked(tmp_path, contact):
+    other = "" if contact else '<geom size="0.1" pos="1 0 0"/>'
+    path = tmp_path / "pedestal.xml"
+    path.write_text(f"""<mujoco><worldbody><geom name="pedestal" type="box" size="0.1 0.1 0.1"/>
+        <body name="l1"><joint/><geom name="ball" size="0.1" contype="2" conaffinity="2"/>{other}</body></worldbody>
+        <contact>{contact}</contact></mujoco>""")
+    assert describe(path).allowed == ()
 
 
 @pytest.mark.parametrize(
@@ -230,3 +274,17 @@ def test_couplings(tmp_path, equality, actuator, words, moving):
         ((follower, mimic),) = urdf.mimics.items()
         expected = {("a", "b"): -2.0, ("b", "a"): 0.5}[follower, mimic.source]
         assert mimic.multiplier == pytest.approx(expected)
+
+
+def test_keyframes_are_moved_into_limits_where_rounding_took_them_out_and_else_named(tmp_path):
+    joint = '<joint name="{0}" axis="0 1 0" range="-1 1" limited="true"/><geom size="0.1"/>'
+    chain = f'<body>{joint.format("a")}<body pos="1 0 0">{joint.format("b")}</body></body>'
+    keys = '<key name="near" qpos="1.0005 0"/><key name="far" qpos="0 1.2"/>'
+    (tmp_path / "two.xml").write_text(
+        f'<mujoco><compiler angle="radian"/><worldbody>{chain}</worldbody><keyframe>{keys}</keyframe></mujoco>'
+    )
+    robot = op.init_robot(tmp_path / "two.xml", tmp_path / "made")
+    assert {name: q.tolist() for name, q in robot.configurations.items()} == {"near": [1.0, 0.0]}
+    head = (tmp_path / "made/robot.yaml").read_text()
+    assert "# configuration near has a beyond limits by rounding: moved to the limit" in head
+    assert "# left out: configuration far, in which b is beyond its limits" in head

@@ -1,5 +1,7 @@
 """MoveIt configuration folders: groups, states, pairs and limits; bad files are named with their lines."""
 
+from xml.etree import ElementTree
+
 import pytest
 
 import optiplan as op
@@ -115,6 +117,11 @@ def test_a_plan_is_verified(robot):
         ("cell_config/config/cell.srdf", SRDF[:-9], "cell.srdf:9: srdf: "),
         ("cell_config/config/cell.srdf", SRDF.replace('<link name="jaw"', '<group name="all"'), "contains itself"),
         ("cell_config/config/joint_limits.yaml", LIMITS.replace("4.0", "-4.0"), "joint_limits.yaml:2: j1.max_acc"),
+        (
+            "cell_config/config/joint_limits.yaml",
+            LIMITS.replace("-1.0", "1.5"),
+            "joint_limits.yaml:2: j1.min_position: ",
+        ),
         ("cell_config/config/joint_limits.yaml", "joint_limits: [", "joint_limits.yaml:"),
         ("cell_config/config/joint_limits.yaml", "joint_limits: [j1]", "joint_limits.yaml:1: joint_limits: "),
         ("cell_config/config/joint_limits.yaml", "joint_limits:\n  j1: [1]", "joint_limits.yaml:2: j1: "),
@@ -126,6 +133,16 @@ def test_bad_files_are_named(tmp_path, file, text, words):
     with pytest.raises(op.InputError) as caught:
         describe(config(tmp_path, **{file: text}))
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(("upper", "kind"), [(", max_position: 2.5", "revolute"), ("", "continuous")])
+def test_a_joint_that_turns_without_end_gets_limits_of_both_ends(tmp_path, upper, kind):
+    text = f"joint_limits:\n  j2: {{has_position_limits: true, min_position: -0.5{upper}}}\n"
+    described = describe(config(tmp_path, **{"cell_config/config/joint_limits.yaml": text}))
+    joint = ElementTree.fromstring(described.text).find("joint[@name='j2']")
+    assert joint.get("type") == kind
+    assert joint.find("limit").get("upper") == ("2.5" if upper else None)
+    assert any("left out: the position limit of j2" in note for note in described.notes) == (not upper)
 
 
 def test_what_says_nothing_of_limits_is_no_fault(tmp_path):

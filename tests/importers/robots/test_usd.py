@@ -176,6 +176,20 @@ def test_limits_the_wrong_way_round_are_named(stage):
     refused(stage, "/hinge.physics:lowerLimit: 10 above -10")
 
 
+@pytest.mark.parametrize(("upper", "expected", "noted"), [(540.0, 3 * np.pi, False), (np.inf, 2 * np.pi, True)])
+def test_only_a_missing_limit_is_replaced(stage, upper, expected, noted):
+    joint = two(stage)
+    joint.CreateLowerLimitAttr(-450.0)
+    joint.CreateUpperLimitAttr(upper)
+    joint.GetPrim().CreateAttribute("physxJoint:armature", Sdf.ValueTypeNames.Float).Set(0.1)
+    found = described(stage)
+    limit = ET.fromstring(found.text).find("joint[@name='hinge']/limit")
+    assert float(limit.get("lower")) == pytest.approx(-2.5 * np.pi)
+    assert float(limit.get("upper")) == pytest.approx(expected)
+    assert ("/hinge has no limit at an end" in " ".join(found.notes)) == noted
+    assert "left out, torques are without it: inertia of rotors (armature) of /hinge" in found.notes
+
+
 def test_equal_limits_fix_a_joint_there(stage):
     joint = two(stage)
     joint.CreateLowerLimitAttr(90.0)

@@ -219,9 +219,41 @@ def test_poses_may_be_relative_to_included_models_and_to_what_is_inside_a_model(
         read_scene(tmp_path / "w.sdf")
 
 
+def test_geoms_that_cannot_touch_are_obstacles_only_where_none_can(tmp_path):
+    """A picture of a post beside a robot, then where a keyframe puts it, then with a table that can touch."""
+    pytest.importorskip("mujoco")
+    ghost = 'contype="0" conaffinity="0"'
+    post = f'<body name="post"><freejoint/><geom size="0.1" {ghost}/><geom size="0.2" group="3" {ghost}/></body>'
+    robot = '<body name="robot"><joint axis="0 0 1"/><geom size="0.1"/></body>'
+    text = "<mujoco><worldbody>{}" + post + robot + "</worldbody>{}</mujoco>"
+    (tmp_path / "m.xml").write_text(text.format("", ""))
+    scene = read_scene(tmp_path / "m.xml")
+    assert [body["shape"] for body in scene.obstacles] == [{"sphere": 0.1}]
+    assert "no geom outside of robots can touch another: all that the file shows are obstacles" in scene.notes
+    key = '<keyframe><key name="far" qpos="1 2 3 1 0 0 0 0"/></keyframe>'
+    (tmp_path / "m.xml").write_text(text.format("", key))
+    scene = read_scene(tmp_path / "m.xml")
+    assert scene.obstacles[0]["pose"]["position"] == pytest.approx([1, 2, 3])
+    assert "loose bodies stand as in the keyframe far" in scene.notes
+    (tmp_path / "m.xml").write_text(text.format('<geom type="box" size="1 1 1"/>', ""))
+    scene = read_scene(tmp_path / "m.xml")
+    assert [body["name"] for body in scene.obstacles] == ["world"]
+    assert "left out, since they cannot touch: geoms of post" in scene.notes
+
+
+def test_obstacles_are_not_called_like_links(tmp_path):
+    text = MOVEIT.replace("* table", "* base_link").replace("0.5 0 0.2", "9 0 0.2").replace("0 0 -0.5", "0 0 -9")
+    (tmp_path / "m.scene").write_text(text)
+    problem = op.import_scene(tmp_path / "m.scene", tmp_path / "m.yaml", "ur5")
+    assert [body.name for body in problem.scene.obstacles] == ["base_link_", "base_link_2", "floor"]
+    assert "# obstacle base_link is called base_link_" in (tmp_path / "m.yaml").read_text()
+
+
 @pytest.mark.parametrize(
     ("name", "old", "new", "words"),
     [
+        ("cell.scene", "0.4 0.6 0.02", "0.4 -0.6 0.02", ":7: scene: the sizes 0.4 -0.6 0.02 of table, a box; expected"),
+        ("cell.scene", "0 0 1 0\n", "0 0 0 1\n", ":22: scene: the plane 0 0 0 1 of floor; expected a normal"),
         (
             "cell.scene",
             "0.4 0.6 0.02",

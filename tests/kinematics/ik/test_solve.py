@@ -8,8 +8,8 @@ import pytest
 
 from optiplan.geometry.poses import pose_error
 from optiplan.kinematics.ik import solve
-from optiplan.kinematics.ik.joint_wraps import images, whole_turns
-from optiplan.kinematics.ik.numeric import IkOptions, random_seeds, solve_ik
+from optiplan.kinematics.ik.joint_wraps import apart, images, whole_turns
+from optiplan.kinematics.ik.numeric import IkOptions, joints_that_move, random_seeds, solve_ik
 from optiplan.kinematics.ik.solve import answer, inverse_kinematics, wanted_configuration
 from optiplan.robot.robot import load_robot
 from tests.robot.arms import arm
@@ -128,6 +128,43 @@ def test_answer_is_sorted_by_what_is_wanted_and_says_what_is_singular():
         assert max(s.error) <= 1e-9
         assert max(pose_error(pose_of(robot, s.q), pose_of(robot, q))) <= 1e-9
         assert s.within_limits == all(len(values) for values in s.images)
+
+
+def test_a_free_joint_is_looked_for_where_the_representative_breaks_limits():
+    robot = arm("srra")[0]
+    ends = np.array([3.0, 3.0, 3.0, 3.0, 3.0, 0.5])
+    robot = replace(robot, limits=replace(robot.limits, lower=-ends, upper=ends))
+    X_WG = pose_of(robot, [0.3, -0.4, 0.9, 2.0, 0.0, 0.3])  # only q4 + q6 = 2.3 is determined
+    found = answer(robot, robot.tool_frame, X_WG, np.zeros(6))
+    inside = [s for s in found.solutions if s.within_limits]
+    assert found.nearest is None
+    assert inside[0].branch == "numeric"
+    for k, s in enumerate(inside):
+        assert max(pose_error(pose_of(robot, s.q), X_WG)) <= 1e-8
+        assert all(apart(robot, s.q, other.q) > 0.1 for other in inside[:k])
+
+
+def test_solutions_of_many_starts_differ_by_more_than_whole_turns():
+    robot = narrowed(load_robot("ur5"), -2 * np.pi, 2 * np.pi)
+    model = robot.model.copy()  # as calibrated: without a closed form
+    model.jointPlacements[6] *= pin.SE3(pin.exp3(np.array([0.0, 0.02, 0.01])), np.array([0.0, 0.01, 0.0]))
+    robot = replace(robot, model=model)
+    X_WG = pose_of(robot, [0.3, -1.0, 1.2, 0.4, 0.7, 0.6])
+    found = answer(robot, robot.tool_frame, X_WG, np.zeros(6)).solutions
+    assert len(found) == 8
+    assert all(apart(robot, s.q, other.q) > 0.1 for k, s in enumerate(found) for other in found[:k])
+
+
+def test_only_the_joints_that_move_the_frame_move():
+    robot, near = load_robot("baxter"), wanted_configuration(load_robot("baxter"))
+    frame = "left_gripper"
+    moving = joints_that_move(robot, frame)
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, near + np.where(moving, 0.1, 0.0))
+    found = answer(robot, frame, data.oMf[robot.frame_id(frame)].copy(), near).solutions
+    assert 0 < moving.sum() < robot.n
+    assert found
+    assert all((s.q == near)[~moving].all() for s in found)
 
 
 @pytest.mark.parametrize("name", ["srra", "ur5"])

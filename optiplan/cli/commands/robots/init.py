@@ -43,8 +43,8 @@ def init(
     """Make a robot from a URDF: choose the joints to plan, find the pairs of links that need no check, write both.
 
     On a terminal it asks for what no flag says; a plain Enter takes what stands in brackets.
-    Robots of MuJoCo, USD and MoveIt are written as robot.urdf with their meshes. The head of robot.yaml says what was
-    left out.
+    Robots of MuJoCo, USD, MoveIt and xacro are written as robot.urdf, those of MuJoCo and USD with their meshes. The
+    head of robot.yaml says what was left out.
 
     [bold]Examples[/]
 
@@ -81,6 +81,6 @@ def init(
                 choices = wizard.ask(source.load, choices)
             with ProgressLog() as progress:
                 robot, choices = prepare(source, choices, allow_pairs == TOUCHING, progress)
-            robot_files.write_robot(source, folder, robot, choices)
-    wizard.show(robot, folder, as_json, full, read.notes)
+            notes = robot_files.write_robot(source, folder, robot, choices)
+    wizard.show(robot, folder, as_json, full, notes)
     return 0

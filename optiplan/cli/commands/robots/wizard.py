@@ -10,6 +10,7 @@ import typer
 
 from optiplan.api.imports.robot_files import SRDF_NAME, YAML_NAME, Choices
 from optiplan.api.init_robot import TOUCHING, checked_limit
+from optiplan.arrays import Array
 from optiplan.cli.output import print_error, print_json, results, say
 from optiplan.cli.printing.robot_table import describe, show_robot
 from optiplan.errors import OptiPlanError, UnknownChoiceError
@@ -70,11 +71,24 @@ def ask(load: Callable[[Choices], Robot], choices: Choices) -> Choices:
     limits = dict(choices.limits)
     for key in ("acceleration", "jerk"):
         if key not in limits:
-            default = float(getattr(robot.limits, key).min())
-            unit = joint_units(key, robot.revolute)
-            asked = typer.prompt(f"{key} limit of all joints, {unit}", default=default, type=float, err=True)
-            limits[key] = checked_limit(key, asked)[1]
+            asked = _ask_limit(key, getattr(robot.limits, key), joint_units(key, robot.revolute))
+            if asked is not None:
+                limits[key] = checked_limit(key, asked)[1]
     return replace(choices, tool=tool, locked=tuple(locked.items()), limits=tuple(limits.items()))
+
+
+def _ask_limit(key: str, values: Array, unit: str) -> float | None:
+    """Ask for a limit of all joints; None: each keeps its own of these values (n,), which are not the same."""
+    least, most = float(values.min()), float(values.max())
+    if least == most:
+        return float(typer.prompt(f"{key} limit of all joints, {unit}", default=least, type=float, err=True))
+    kept = f"each its own, {least:g} to {most:g}"
+    while True:
+        text = typer.prompt(f"{key} limit of all joints, {unit}", default=kept, err=True)
+        try:
+            return None if text == kept else float(text)
+        except ValueError:
+            print_error(f"{key}: found '{text}'; expected a number, or a plain Enter")
 
 
 def _following(robot: Robot) -> set[str | None]:

@@ -1,9 +1,9 @@
 """Which pairs of links a MuJoCo model does not let touch, and which of these need no check.
 
 MuJoCo makes no contact between a body and its parent, between bodies that `exclude` names, and between geoms whose
-`contype` and `conaffinity` do not meet. Only `exclude` says that a pair never matters. Of the others those go unchecked
-that overlap as the file draws the robot, at the reference positions or in the first keyframe: they are built so. All
-others are checked, though MuJoCo would let them through.
+`contype` and `conaffinity` do not meet, unless a `pair` names the two geoms. Only `exclude` says that a pair never
+matters. Of the others those go unchecked that overlap as the file draws the robot, at the reference positions or in the
+first keyframe: they are built so. All others are checked, though MuJoCo would let them through.
 """
 
 from collections.abc import Sequence
@@ -24,22 +24,35 @@ def excluded_pairs(model: Any, links: Sequence[str]) -> set[LinkPair]:
 
 
 def overlapping_pairs(mujoco: Any, model: Any, links: Sequence[str]) -> set[LinkPair]:
-    """Pairs of links that overlap as they are drawn, and between which MuJoCo makes no contact."""
-    solid = [geom for geom in sorted(solid_geoms(model)[0]) if _is_body(mujoco, model, geom)]
-    apart = [(a, b) for a, b in combinations(solid, 2) if not _may_touch(model, a, b)]
+    """Pairs of links that overlap as they are drawn, and between which MuJoCo makes no contact at all.
+
+    One pair of geoms that may touch keeps the two links checked: `world` holds pedestal, table and walls alike.
+    """
+    solid = [geom for geom in sorted(solid_geoms(mujoco, model)[0]) if _is_body(mujoco, model, geom)]
+    apart: dict[LinkPair, list[tuple[int, int]]] = {}
+    touching: set[LinkPair] = set()
+    for a, b in combinations(solid, 2):
+        pair = link_pair(links[int(model.geom_bodyid[a])], links[int(model.geom_bodyid[b])])
+        if _may_touch(model, a, b):
+            touching.add(pair)
+        else:
+            apart.setdefault(pair, []).append((a, b))
     found: set[LinkPair] = set()
     data = mujoco.MjData(model)
     for key in range(-1, min(model.nkey, 1)):
         if key >= 0:
             mujoco.mj_resetDataKeyframe(model, data, key)
         mujoco.mj_kinematics(model, data)
-        for a, b in apart:
-            pair = link_pair(links[int(model.geom_bodyid[a])], links[int(model.geom_bodyid[b])])
-            reach = float(model.geom_rbound[a] + model.geom_rbound[b])
-            near = np.linalg.norm(data.geom_xpos[a] - data.geom_xpos[b]) <= reach
-            if pair not in found and near and mujoco.mj_geomDistance(model, data, a, b, 1e-3, None) < 0.0:
+        for pair in apart.keys() - touching - found:
+            if any(_overlap(mujoco, model, data, a, b) for a, b in apart[pair]):
                 found.add(pair)
     return found
+
+
+def _overlap(mujoco: Any, model: Any, data: Any, a: int, b: int) -> bool:
+    reach = float(model.geom_rbound[a] + model.geom_rbound[b])
+    near = np.linalg.norm(data.geom_xpos[a] - data.geom_xpos[b]) <= reach
+    return bool(near and mujoco.mj_geomDistance(model, data, a, b, 1e-3, None) < 0.0)
 
 
 def _is_body(mujoco: Any, model: Any, geom: int) -> bool:
@@ -51,6 +64,8 @@ def _may_touch(model: Any, a: int, b: int) -> bool:
     """Whether MuJoCo makes contacts between two geoms, or they belong to bodies that never move against each other."""
     first, second = (int(model.body_weldid[model.geom_bodyid[geom]]) for geom in (a, b))
     if first == second:
+        return True
+    if {a, b} in [{int(one), int(other)} for one, other in zip(model.pair_geom1, model.pair_geom2, strict=True)]:
         return True
     parents = [int(model.body_weldid[model.body_parentid[weld]]) for weld in (first, second)]
     if (parents[0] == second and second != 0) or (parents[1] == first and first != 0):

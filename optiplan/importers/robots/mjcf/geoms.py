@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.config.messages import some
 from optiplan.geometry.meshes.triangles import Triangles
 from optiplan.importers.robots.polyhedra import ellipsoid_hull
 from optiplan.importers.robots.urdf_shapes import MeshFiles, add_shape
@@ -33,18 +34,33 @@ def touches(model: Any, geom: int) -> bool:
     return named or bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
 
 
-def solid_geoms(model: Any) -> tuple[set[int], str]:
-    """The geoms that are bodies of a robot, and a remark where the file lets none touch another.
+def carried_bodies(mujoco: Any, model: Any) -> set[int]:
+    """The bodies that a joint which is not free moves: those of robots."""
+    free, found = int(mujoco.mjtJoint.mjJNT_FREE), set[int]()
+    for body in range(1, model.nbody):  # a body comes after the one that carries it
+        first = int(model.body_jntadr[body])
+        own = range(first, first + int(model.body_jntnum[body]))
+        if int(model.body_parentid[body]) in found or any(int(model.jnt_type[j]) != free for j in own):
+            found.add(body)
+    return found
 
-    Those that can touch; without any those that are not drawn, which stand for the links by custom; else all.
+
+def solid_geoms(mujoco: Any, model: Any) -> tuple[set[int], str]:
+    """The geoms that are bodies of a robot, and a remark where the file lets none of the moving ones touch another.
+
+    Those that can touch. Where none of a robot's moving geoms can, though perhaps the table beside it: also the geoms
+    of bodies that are not drawn, which stand for the links by custom; without any, all.
     """
     everything = set(range(model.ngeom))
+    carried = carried_bodies(mujoco, model)
     solid = {geom for geom in everything if touches(model, geom)}
-    if solid or not everything:
+    moving = {geom for geom in everything if int(model.geom_bodyid[geom]) in carried}
+    if not everything or (solid and not moving) or solid & moving:
         return solid, ""
-    hidden = {geom for geom in everything if model.geom_group[geom] >= SEEN}
-    which = "those that are not drawn" if hidden else "all of them"
-    return hidden or everything, f"no geom can touch another in the file: {which} are taken as bodies"
+    ghosts = {geom for geom in everything - solid if not solid or int(model.geom_bodyid[geom]) != 0}
+    hidden = {geom for geom in ghosts if model.geom_group[geom] >= SEEN}
+    which, whose = "those that are not drawn" if hidden else "all of them", "that moves " if solid else ""
+    return solid | (hidden or ghosts), f"no geom {whose}can touch another in the file: {which} are taken as bodies"
 
 
 class GeomWriter:
@@ -55,7 +71,9 @@ class GeomWriter:
         self.meshes = MeshFiles()
         self.notes: list[str] = []
         self._kinds = mujoco.mjtGeom
-        self._solid, remark = solid_geoms(model)
+        self._solid, remark = solid_geoms(mujoco, model)
+        self._drawn: set[str] = set()
+        self._bodies: set[str] = set()
         self.notes += [remark] if remark else []
 
     def add(self, link: ET.Element, geom: int, X_LB: pin.SE3) -> None:
@@ -70,6 +88,12 @@ class GeomWriter:
             add_shape(link, "visual", X_LG, shape, self._colour(geom))
         if solid:
             add_shape(link, "collision", X_LG, shape)
+        (self._bodies if solid else self._drawn).add(str(link.get("name")))
+
+    def bodiless(self) -> list[str]:
+        """A remark that names the links which are drawn, and of which no geom can touch another."""
+        names = sorted(self._drawn - self._bodies)
+        return [f"only drawn, since no geom of them can touch another: {some(names)}"] if names else []
 
     def _colour(self, geom: int) -> Array:
         material = int(self.model.geom_matid[geom])

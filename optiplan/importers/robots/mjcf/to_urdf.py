@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from optiplan.arrays import Array
 from optiplan.importers.robots.description import Description
 from optiplan.importers.robots.mjcf.compiled import compile_mjcf
 from optiplan.importers.robots.mjcf.contacts import excluded_pairs, overlapping_pairs
 from optiplan.importers.robots.mjcf.couplings import Couplings, find_couplings
 from optiplan.importers.robots.mjcf.geoms import GeomWriter, placed
-from optiplan.importers.robots.urdf_tree import FAR, WORLD, UrdfTree, moved
+from optiplan.importers.robots.urdf_tree import FAR, WORLD, UrdfTree, moved, torques_without
 from optiplan.robot.urdf.elements import inertial_element, number_words
 
 UNNAMED = "MuJoCo Model"
@@ -43,7 +44,14 @@ def describe_mjcf(path: Path) -> Description:
     if overlapping:
         listed = ", ".join(f"{a}-{b}" for a, b in overlapping)
         writer.notes.append(f"not checked, since they overlap as drawn and MuJoCo lets them: {listed}")
-    notes = [*remarks, *writer.couplings.notes, *writer.geoms.notes, *writer.notes]
+    notes = [
+        *remarks,
+        *writer.couplings.notes,
+        *writer.geoms.notes,
+        *writer.geoms.bodiless(),
+        *writer.notes,
+        *writer.left_out(),
+    ]
     return Description(
         source=path,
         name=str(writer.urdf.root.get("name")),
@@ -157,21 +165,47 @@ class _MjcfWriter:
             follower.set("offset", repr(mimic.offset))
 
     def _effort(self, j: int) -> float:
-        """The largest force, N, or torque, N·m, of the drives of a joint; 0 where none is stated or springs help."""
+        """The largest force, N, or torque, N·m, of the drives of a joint; 0 where none is stated."""
         model, transmission = self.model, self.mujoco.mjtTrn
         if np.any(model.body_gravcomp):
             self.notes.append("gravity is compensated in the file (gravcomp): no limits of torque are taken")
             return 0.0
-        ends = [model.jnt_actfrcrange[j]] if model.jnt_actfrclimited[j] else []
+        ranges = [model.jnt_actfrcrange[j]] if model.jnt_actfrclimited[j] else []
         own = (transmission.mjTRN_JOINT, transmission.mjTRN_JOINTINPARENT)
         for k in range(model.nu):
-            if (
-                int(model.actuator_trntype[k]) in own
-                and model.actuator_trnid[k, 0] == j
-                and model.actuator_forcelimited[k]
-            ):
-                ends.append(model.actuator_forcerange[k] * float(model.actuator_gear[k, 0]))
-        return min((float(np.min(np.abs(end))) for end in ends), default=0.0)
+            if int(model.actuator_trntype[k]) not in own or model.actuator_trnid[k, 0] != j:
+                continue
+            gear = float(model.actuator_gear[k, 0])
+            if model.actuator_forcelimited[k]:
+                ranges.append(model.actuator_forcerange[k] * gear)
+            if model.actuator_ctrllimited[k] and self._is_motor(k):
+                ranges.append(model.actuator_ctrlrange[k] * float(model.actuator_gainprm[k, 0]) * gear)
+        if any(float(low) * float(high) >= 0.0 for low, high in ranges):
+            self.notes.append(f"{self.joints[j]} is driven one way only: its limit of torque is taken for both ways")
+        return min(filter(None, map(_either_way, ranges)), default=0.0)
+
+    def _is_motor(self, k: int) -> bool:
+        """Whether the force of a drive is its gain times its control, without a bias."""
+        gains, biases, dynamics = self.mujoco.mjtGain, self.mujoco.mjtBias, self.mujoco.mjtDyn
+        return (
+            int(self.model.actuator_gaintype[k]) == gains.mjGAIN_FIXED
+            and int(self.model.actuator_biastype[k]) == biases.mjBIAS_NONE
+            and int(self.model.actuator_dyntype[k])
+            in (dynamics.mjDYN_NONE, dynamics.mjDYN_FILTER, dynamics.mjDYN_FILTEREXACT)
+        )
+
+    def left_out(self) -> list[str]:
+        """What torques of the file are without: remarks that name the joints."""
+        model, moving = self.model, [j for j in range(self.model.njnt) if self._moves(j)]
+        dofs = [int(model.jnt_dofadr[j]) for j in moving]
+        kinds = {
+            "inertia of rotors (armature)": model.dof_armature[dofs],
+            "friction (damping, frictionloss)": model.dof_damping[dofs] + model.dof_frictionloss[dofs],
+            "springs (stiffness)": model.jnt_stiffness[moving],
+        }
+        return torques_without(
+            {kind: [self.joints[j] for j, x in zip(moving, of, strict=True) if x > 0] for kind, of in kinds.items()}
+        )
 
     def keyframes(self) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
         """Named configurations, and the positions of joints that are not planned: of the first keyframe."""
@@ -191,6 +225,12 @@ class _MjcfWriter:
     def _has_axis(self, j: int) -> bool:
         kinds = self.mujoco.mjtJoint
         return int(self.model.jnt_type[j]) in (kinds.mjJNT_SLIDE, kinds.mjJNT_HINGE)
+
+
+def _either_way(ends: Array) -> float:
+    """The size that a force between two ends has in both directions, in its own one where these are of one side."""
+    low, high = (float(end) for end in ends)
+    return min(abs(low), abs(high)) if low * high < 0.0 else max(abs(low), abs(high))
 
 
 def _unique(names: list[str], taken: set[str], ending: str = "_") -> list[str]:

@@ -16,7 +16,7 @@ from optiplan.arrays import Array
 from optiplan.config.messages import some
 from optiplan.importers.robots.description import Description
 from optiplan.importers.robots.urdf_shapes import MeshFiles, add_shape
-from optiplan.importers.robots.urdf_tree import FAR, WORLD, UrdfTree, moved
+from optiplan.importers.robots.urdf_tree import FAR, WORLD, UrdfTree, moved, torques_without
 from optiplan.importers.robots.usd.joints import SLIDES, TURNS, UsdJoint, read_joints
 from optiplan.importers.robots.usd.masses import body_inertia
 from optiplan.importers.robots.usd.shapes import NOT_READ, UsdShape, gprims, shape_of
@@ -103,6 +103,14 @@ class _UsdWriter:
         for path in self.tree.order:
             self._carry(path)
             self._link(path)
+        moving = [joint for joint in self.joints.values() if self.names[joint.path] in self.drawn]
+        stated = {"inertia of rotors (armature)": "armature", "friction (jointFriction)": "jointFriction"}
+        self.notes += torques_without(
+            {
+                kind: [j.path for j in moving if self.stage.number(j.prim, f"physxJoint:{name}", 0.0) > 0.0]
+                for kind, name in stated.items()
+            }
+        )
 
     def _carry(self, path: str) -> None:
         """The joint before a body."""
@@ -156,8 +164,10 @@ class _UsdWriter:
         off = pin.log6(moved(joint.kind == TURNS, axis, q).actInv(X)) if joint.moves else motion
         if max(np.linalg.norm(off.linear), np.linalg.norm(off.angular)) > OFF:
             self.notes.append(f"{path} is not drawn where the joint {joint.path} puts it: the joint counts")
-        if joint.moves and not joint.lower <= q <= joint.upper:
-            q = float(np.clip(q, joint.lower, joint.upper))
+        inside = float(np.clip(q, joint.lower, joint.upper)) if joint.moves else q
+        if abs(inside - q) > OFF:
+            self.notes.append(f"{joint.path} is drawn beyond its limits: it is taken as at {inside:g}")
+        q = inside
         return 0.0 if abs(q) < 1e-9 else q
 
     def _moving(self, joint: UsdJoint, links: tuple[str, str], X_PF: pin.SE3, axis: Array) -> None:
@@ -170,7 +180,9 @@ class _UsdWriter:
         limit = ET.SubElement(element, "limit", effort=repr(effort), velocity="0")
         if kind != "continuous":
             far = 2.0 * np.pi if turns else FAR
-            lower, upper = max(joint.lower, -far), min(joint.upper, far)
+            lower, upper = (
+                float(np.copysign(far, end)) if np.isinf(end) else end for end in (joint.lower, joint.upper)
+            )
             limit.set("lower", repr(lower))
             limit.set("upper", repr(upper))
             if (lower, upper) != (joint.lower, joint.upper):

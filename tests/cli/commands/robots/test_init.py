@@ -141,6 +141,30 @@ def test_a_terminal_is_asked(urdf):
     assert robot.limits.jerk.tolist() == [7, 7]
 
 
+def test_limits_that_differ_by_joint_are_kept_by_a_plain_enter(urdf):
+    limit = '<limit lower="-1" upper="2" velocity="3" effort="4" acceleration="{}" jerk="{}"/>'
+    parts = chain(*(joint(f"j{k}", *ends, inside=limit.format(k, 10 * k)) for k, ends in ((1, "ab"), (2, "bc"))))
+    urdf.write_text(f'<robot name="arm" version="1.2">{"".join(parts)}</robot>')
+    command, answers = ["init", str(urdf), "--ask"], "j1,j2\nc\n\nx\n7\n"  # all own accelerations, a jerk for all
+    result = CliRunner().invoke(get_command(app), command, input=answers, standalone_mode=False)
+    assert result.exception is None, result.output
+    assert "acceleration limit of all joints, rad/s² [each its own, 1 to 2]" in result.output
+    assert "jerk: found 'x'; expected a number" in result.output
+    limits = load_robot(str(urdf.parent)).limits
+    assert (limits.acceleration.tolist(), limits.jerk.tolist()) == ([1, 2], [7, 7])
+
+
+def test_the_srdf_has_the_names_of_the_urdf_and_the_words_of_an_srdf(optiplan, urdf):
+    text = urdf.read_text().replace('link name="c"', 'link name="j2"').replace('link="c"', 'link="j2"')
+    urdf.write_text(text)
+    assert optiplan("robots", "init", urdf, "--no-ask", "--group", "j1,j2")[0] == 0
+    pairs = ElementTree.parse(urdf.parent / "robot.srdf").getroot().findall("disable_collisions")
+    assert {name for pair in pairs for name in (pair.get("link1"), pair.get("link2"))} >= {"d", "j2"}
+    assert "j2_link" in dict.fromkeys(name for pair in load_robot(str(urdf.parent)).allowed for name in pair)
+    assert {pair.get("reason") for pair in pairs} <= {"Adjacent", "Never", "User"}
+    assert "j2_link" not in (urdf.parent / "robot.srdf").read_text()
+
+
 def test_what_is_there_is_kept_unless_forced(optiplan, urdf):
     (urdf.parent / "robot.yaml").write_text("mine")
     code, out, err = optiplan("robots", "init", urdf)
@@ -189,8 +213,10 @@ def test_xacro_without_its_package_names_it(optiplan, tmp_path, monkeypatch):
     assert "pip install 'optiplan[xacro]'" in err
 
 
-def test_a_urdf_that_only_declares_the_namespace_is_a_urdf(optiplan, urdf):
-    urdf.write_text(urdf.read_text().replace("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" '))
+def test_a_urdf_that_only_declares_the_namespace_is_a_urdf(optiplan, urdf, monkeypatch):
+    monkeypatch.setattr("optiplan.importers.robots.describe._expanded", lambda path: pytest.fail("taken for xacro"))
+    head = '<!-- made of <xacro:arm/> --><robot xmlns:xacro="http://www.ros.org/wiki/xacro" '
+    urdf.write_text(urdf.read_text().replace("<robot ", head))
     assert optiplan("robots", "init", urdf)[0] == 0
 
 
