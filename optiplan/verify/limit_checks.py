@@ -27,8 +27,10 @@ _LIFTED = "; `limits: {jerk: none}` in the problem lifts this"
 
 
 def same_problem(record: Mapping[str, Any], problem: Problem) -> Check:
-    """Check that the hash in the record of a run is that of the problem."""
-    found = str(record["hash"])
+    """Check that the hash in the record of a run, which every record has, is that of the problem."""
+    found = str(record.get("hash") or "")
+    if not found:
+        return Check("problem", "unchecked", False, detail="run.json has no hash of the problem the run was made from")
     if found == problem.hash:
         return Check("problem", "exact", True, detail="the run was made from this very problem")
     detail = (
