@@ -10,8 +10,8 @@ from optiplan.errors import InputError, Issue
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
 from optiplan.runs.run_folder import StoredRun, load_run
+from optiplan.runs.stored_runs import judged
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.verify import verify
 from optiplan.viewer.plots.runs import PlottedRun
 from optiplan.viewer.run_data.closed_loop import read_log
 from optiplan.viewer.runs import ViewedRun, distinct_labels
@@ -84,7 +84,7 @@ def plotted_runs(places: Sequence[Path]) -> tuple[list[PlottedRun], list[str]]:
             )
             continue
         problem = problem_from_dict(run.record["problem"])
-        report = verify(problem, run.trajectory, given=run.given)
+        report = judged(problem, run)
         found.append(PlottedRun(label, problem, run.trajectory, report.verified))
     return found, left_out
 
@@ -118,7 +118,7 @@ def shown(record: Mapping[str, Any], trajectory: Trajectory | None, label: str =
 def _judged(problem: Problem, run: StoredRun) -> Mapping[str, Any]:
     if run.trajectory is None or EXECUTED in run.record:  # what was executed is looked at, not proved
         return run.record
-    return {**run.record, "report": verify(problem, run.trajectory, given=run.given).to_dict()}
+    return {**run.record, "report": judged(problem, run).to_dict()}
 
 
 def _labels(runs: Sequence[StoredRun], problems: bool) -> list[str]:

@@ -13,7 +13,7 @@ from optiplan.errors import path_argument, seed_argument, writing, wrong_argumen
 from optiplan.files import write_text
 from optiplan.geometry.pose import Pose, Values
 from optiplan.geometry.scene import Obstacle, Scene
-from optiplan.kinematics.ik.joint_wraps import endless_turns
+from optiplan.kinematics.ik.joint_wraps import ROUNDING, endless_turns
 from optiplan.problem.free_space import FreeSpace
 from optiplan.problem.goals_and_vias import Goal, GoalEnd, JointGoal, PoseGoal, Via
 from optiplan.problem.objectives.objective import Objective
@@ -201,9 +201,9 @@ class Problem(ReadOnlyArrays, FreeSpace):
         return [State(q, rate.v, rate.a) for rate in rates] or [State(q)]
 
     def _there(self, goal: JointGoal, q: Array) -> bool:
-        """Whether q (n,) is at a goal, up to whole turns of joints that turn without end."""
+        """Whether q (n,) is within the tolerance of a goal, up to whole turns of joints that turn without end."""
         nearest = endless_turns(self.robot, goal.q, q, 1)[0]
-        return bool((np.abs(q - nearest) <= 2.0 * goal.tolerance).all())
+        return bool((np.abs(q - nearest) <= goal.tolerance + ROUNDING).all())
 
     def lower_bounds(self, ends: Array | Sequence[Array]) -> Array:
         """Return the shortest duration conceivable from the start to each of the configurations (k, n): (k,), s.

@@ -150,6 +150,8 @@ def _with_motion(run: StoredRun, file: Path, joint_names: Sequence[str] | None) 
 def _read_record(path: Path) -> dict[str, Any]:
     """Read a `run.json` and check the kinds of its values."""
     record = _read(path)
+    if not record:
+        raise InputError([Issue(str(path), None, "file", "no entries", "what `optiplan plan --out` writes there")])
     check_record(record, str(path))
     return record
 

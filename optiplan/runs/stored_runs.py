@@ -15,7 +15,7 @@ from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.bounds.duration_bound import DurationBound
 from optiplan.verify.limit_checks import same_problem
-from optiplan.verify.report import Report
+from optiplan.verify.report import Check, Report
 from optiplan.verify.verify import verify
 
 
@@ -30,15 +30,16 @@ def run_of_record(
     Args:
         record: the content.
         motion: None where the planner failed.
-        problem: None: as the record says.
+        problem: None: as the record says, whose hash must be that of its problem.
         given: what stood in the files beside the motion, held against it.
 
     Raises:
         InputError: the problem of the record cannot be read any more.
     """
-    if problem is None:
-        problem = problem_from_dict(record["problem"])
+    own, problem = problem is None, problem_from_dict(record["problem"]) if problem is None else problem
     report = None if motion is None else verify(problem, motion, given=given)
+    if report is not None and own and not (origin := same_problem(record, problem)).passed:
+        report = _with_origin(report, origin)
     metrics = None if motion is None or report is None else measure(problem, motion, report)
     timings = dict(record.get("timings") or {})
     failed = record.get("failure")
@@ -71,6 +72,10 @@ def judged(problem: Problem, stored: StoredRun) -> Report:
     report = verify(problem, stored.trajectory, given=stored.given)
     if stored.interpolation:
         report = replace(report, scope=(*report.scope, f"interpolation of the samples: {stored.interpolation}"))
-    if "hash" in stored.record:
-        report = replace(report, checks=(same_problem(stored.record, problem), *report.checks))
-    return report
+    return _with_origin(report, same_problem(stored.record, problem)) if stored.record else report
+
+
+def _with_origin(report: Report, origin: Check) -> Report:
+    """Put first whether the run was made from its problem; constraints that no file holds say already that not."""
+    said = any(check.name == origin.name for check in report.failures)
+    return report if said else replace(report, checks=(origin, *report.checks))

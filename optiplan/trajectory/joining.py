@@ -1,6 +1,6 @@
 """Join motions one after another or side by side, and cut a part out of a motion."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -53,7 +53,16 @@ def with_obstacles(trajectory: Trajectory, motions: Sequence[ObstacleMotion]) ->
     columns += [np.swapaxes(motion.from_times(breakpoints[:-1]), 1, 2) for motion in motions]
     names = [f"obstacle {k} row {row}" for k, motion in enumerate(motions) for row in range(motion.size)]
     coefficients = np.concatenate(_of_one_degree(columns), axis=2)
-    return Trajectory((*trajectory.joint_names, *names), breakpoints, coefficients)
+    own = trajectory.joint_names
+    return Trajectory((*own, *names_beside(names, own)), breakpoints, coefficients)
+
+
+def names_beside(names: Sequence[str], taken: Iterable[str]) -> Sequence[str]:
+    """Return names of columns or joints that a robot does not have, with primes where a joint of its own has one."""
+    own = {*taken}
+    while not own.isdisjoint(names):
+        names = [f"{name}'" for name in names]
+    return names
 
 
 def with_resting_joints(

@@ -43,6 +43,15 @@ def unread_keys(given: GivenFiles) -> tuple[str, ...]:
     return (f"in the file of the motion, neither read nor checked: {', '.join(others)}",) if others else ()
 
 
+def sample_scope(given: GivenFiles) -> tuple[str, ...]:
+    """Return the statement of when samples were held against the pieces, with their widest gap, s."""
+    t = None if given.samples is None else given.samples.t
+    if t is None or t.ndim != 1 or len(t) < 2:
+        return ()
+    widest = float(np.diff(t).max())
+    return (f"{len(t)} samples, up to {widest:.3g} s apart: held against the motion at their own times, not between",)
+
+
 def names(problem: Problem, trajectory: Trajectory) -> Check:
     """Check that segments have the names of their steps; without a task there are none."""
     found = [one.name for one in in_task_order(problem.task, trajectory.segments)]

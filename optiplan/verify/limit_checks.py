@@ -14,6 +14,7 @@ from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, Regi
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.limits import ORDERS
 from optiplan.trajectory.pieces import Defect, defect
+from optiplan.trajectory.state import State
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.polynomial_bounds import prove_bounds
 from optiplan.verify.continuous.torque import torque
@@ -26,8 +27,10 @@ _LIFTED = "; `limits: {jerk: none}` in the problem lifts this"
 
 
 def same_problem(record: Mapping[str, Any], problem: Problem) -> Check:
-    """Check that the hash in the record of a run is that of the problem."""
-    found = str(record["hash"])
+    """Check that the hash in the record of a run, which every record has, is that of the problem."""
+    found = str(record.get("hash") or "")
+    if not found:
+        return Check("problem", "unchecked", False, detail="run.json has no hash of the problem the run was made from")
     if found == problem.hash:
         return Check("problem", "exact", True, detail="the run was made from this very problem")
     detail = (
@@ -173,19 +176,27 @@ def rest(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Chec
     """Velocity and, of joints with a jerk limit, acceleration vanish at both ends; else the jerk would be infinite.
 
     Where the problem states velocities or accelerations at an end (then the check is called `ends`), the motion has
-    them: a stated acceleration also in joints whose jerk is not limited. Of several states that may be arrived in at
-    the configuration reached, the motion is held against each, and the nearest is reported.
+    them: a stated acceleration also in joints whose jerk is not limited. The motion is held against the state of each
+    goal within whose tolerance it ends, of all goals where there is none; the nearest is reported.
     """
     ends, limits = np.array([0.0, trajectory.duration]), problem.limits
     found = np.stack(trajectory.states(ends)[1:])  # (order, end, n)
     checks = []
-    for state in problem.end_states(trajectory.end):
+    for state in _arrivals(problem, trajectory.end):
         stated = np.stack([[problem.start_velocity, state.v], [problem.start_acceleration, state.a]])
         free = np.isinf(limits.jerk) & (stated[1] == 0.0)
         acceleration = np.where(free, np.inf, policy.rest_tolerance * limits.acceleration)
         allowed = np.stack([np.broadcast_to(policy.rest_tolerance * limits.velocity, free.shape), acceleration])
         checks.append(_at_ends(problem, np.abs(found - stated), allowed, trajectory.duration))
     return min(checks, key=lambda pair: pair[1])[0]
+
+
+def _arrivals(problem: Problem, q: Array) -> list[State]:
+    """Return the states in which a motion to q (n,) may arrive: those of the goals reached, so of no other goal."""
+    misses = [(one, miss(problem, one, q)) for one in problem.goal]
+    reached = [one for one, parts in misses if parts and all(part.ratio <= 1.0 for part in parts)]
+    states = [one.state if isinstance(one, JointGoal) else State(q) for one in reached or problem.goal]
+    return states or [State(q)]
 
 
 def _at_ends(problem: Problem, value: Array, allowed: Array, duration: float) -> tuple[Check, float]:

@@ -65,10 +65,10 @@ def verify(
 
         found.append(names(problem, trajectory))
     if given is not None:
-        from optiplan.verify.file_checks import file_checks, unread_keys
+        from optiplan.verify.file_checks import file_checks, sample_scope, unread_keys
 
         found += file_checks(problem, trajectory, policy, given)
-        about = unread_keys(given)
+        about = (*sample_scope(given), *unread_keys(given))
     if problem.tools:
         from optiplan.verify.tasks.tool_check import tool_checks, tool_scope
 

@@ -145,6 +145,26 @@ def test_a_run_with_a_constraint_that_no_file_holds_is_not_verified_once_it_is_l
     assert not open_runs([tmp_path])[1][0].report["verified"]
     assert not op.verify(plain, tmp_path).verified
     assert "problem" not in {check.name for check in op.verify(made.problem, tmp_path / "made").failures}
+    record = json.loads((tmp_path / "made" / "run.json").read_text())
+    record["info"].pop("expressions")
+    (tmp_path / "made" / "run.json").write_text(json.dumps(record))
+    for report in (op.load_run(tmp_path / "made").report, op.verify(plain, tmp_path / "made")):
+        assert [check.name for check in report.failures] == ["problem"]
+    assert not open_runs([tmp_path / "made"])[1][0].report["verified"]
+
+
+@pytest.mark.parametrize("value", [None, "", "left out"])
+def test_a_run_without_the_hash_of_its_problem_is_not_verified(done, tmp_path, value):
+    save_run(done, tmp_path)
+    record = {**json.loads((tmp_path / "run.json").read_text()), "hash": value}
+    if value:
+        del record["hash"]
+    (tmp_path / "run.json").write_text(json.dumps(record))
+    for report in (op.load_run(tmp_path).report, op.verify(done.problem, tmp_path)):
+        assert "run.json has no hash" in report.failures[0].detail
+    (tmp_path / "run.json").write_text("{}")
+    with pytest.raises(InputError, match="no entries"):
+        op.verify(done.problem, tmp_path)
 
 
 @pytest.mark.parametrize("key", ["t", "q", "v", "a"])

@@ -90,6 +90,19 @@ def grazing(problem, trajectory, depth):
     return None
 
 
+@pytest.mark.parametrize("floor", [(0.0, 0.0, 1.0), (0.0, 0.6, 0.8)])
+def test_what_is_held_by_a_link_at_rest_is_as_far_from_the_floor_as_it_is(floor):
+    """Neither of both bodies moves: nothing but the distance is proved of them, 3 mm."""
+    crate = op.Box("crate", size=(0.1, 0.1, 0.1), position=(0.0, 0.0, -0.747))
+    below = -0.747 * floor[2] - 0.05 * sum(floor) - 0.003
+    scene = op.Scene([op.HalfSpace("floor", normal=floor, offset=below)], attached=[crate.attached_to("panda_link0")])
+    problem = op.Problem("panda", "ready", "ready", scene=scene)
+    found, state = motion(problem, np.random.default_rng(1), 0.1)
+    ours = WarmProof(problem).prove(found, state)
+    assert ours.proved, ours
+    assert 0.002 < ours.clearance[1] <= 0.003 + 1e-9
+
+
 def test_a_body_inside_a_mesh_is_not_apart(tmp_path):
     import trimesh
 

@@ -55,7 +55,7 @@ def verify(
     if as_json:
         found = None if report is None else report.to_dict()
         failure = stored.record.get("failure") if stored.trajectory is None else None
-        same = None if "hash" not in stored.record else stored.record["hash"] == loaded.hash
+        same = stored.record.get("hash") == loaded.hash if stored.record else None
         verdict = {"verified": code == 0, "same_problem": same, "report": found, "failure": failure}
         print_json(jsonable({**verdict, "interpolation": stored.interpolation or None, "exit_code": int(code)}))
     elif report is None:

@@ -132,7 +132,7 @@ class PairBounds:
         rows, pairs = np.nonzero(result <= enough)
         apart, found = apart[rows, pairs], np.full(len(rows), -np.inf)
         for box, ball, way in ((b[pairs], a[pairs], -apart), (a[pairs], b[pairs], apart)):
-            found = np.maximum(found, self._ball_to_box(rotation[rows, box], way, box, ball))
+            found = np.maximum(found, ball_to_box(rotation[rows, box], way, self.half[box], self.radius[ball]))
         result[rows, pairs] = found
         for pair in self.plane_pairs:
             plane, body = a[pair], b[pair]
@@ -143,12 +143,6 @@ class PairBounds:
             height = np.einsum("ni,ni->n", world_normal, centre[:, body] - origin[:, plane]) - offset
             result[:, pair] = height - self.radius[body]
         return np.asarray(result)
-
-    def _ball_to_box(self, rotation: Array, apart: Array, box: Index, ball: Index) -> Array:
-        """Distance, m, of K balls from boxes with the rotation (K, 3, 3), whose centres are `apart` (K, 3): (K,)."""
-        local = (apart[:, None] @ rotation)[:, 0]
-        outside = np.maximum(np.abs(local) - self.half[box], 0.0)
-        return np.asarray(np.sqrt(np.einsum("ki,ki->k", outside, outside)) - self.radius[ball])
 
     def travel(self, Q: Array, D: Array) -> Array:
         """Bound, m, on the change of every pair's distance while |q_j - Q_j| <= D_j; Q, D (N, n), result (N, P)."""
@@ -190,8 +184,8 @@ class PairBounds:
         result = np.full(len(pairs), -np.inf)
         for box, ball in ((0, 1), (1, 0)):
             apart = centre[:, ball] - centre[:, box]
-            found = self._ball_to_box(rotation[:, box], apart, bodies[:, box], bodies[:, ball])
-            result = np.maximum(result, found)
+            half, radius = self.half[bodies[:, box]], self.radius[bodies[:, ball]]
+            result = np.maximum(result, ball_to_box(rotation[:, box], apart, half, radius))
         return result
 
     def steps_of(self, poses: Array, placed: Array, D: Array, pairs: Index) -> Array:
@@ -295,6 +289,20 @@ class PairBounds:
             column = np.where(self.kinematics.revolute[None, :, None] > 0.5, np.cross(direction, arm), direction)
             total += sign * self.moves[pairs, side] * np.einsum("kji,ki->kj", column, normals)
         return self.kinematics.of_planned(total)
+
+
+def ball_to_box(rotation: Array, apart: Array, half: Array, radius: Array) -> Array:
+    """Distance (K,), m, of balls from boxes.
+
+    Args:
+        rotation: (K, 3, 3) of the boxes.
+        apart: (K, 3) from the centre of one to that of the other, m.
+        half: (K, 3) half edges of the boxes, m.
+        radius: (K,) of the balls, m.
+    """
+    local = (apart[:, None] @ rotation)[:, 0]
+    outside = np.maximum(np.abs(local) - half, 0.0)
+    return np.asarray(np.sqrt(np.einsum("ki,ki->k", outside, outside)) - radius)
 
 
 def _placements(bodies: Sequence[pin.GeometryObject]) -> Array:

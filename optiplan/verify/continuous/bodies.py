@@ -20,6 +20,7 @@ from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import Box, Capsule, Cylinder, Sphere, shape_of_body
 from optiplan.robot.loaded_robots import once_for_each, once_for_each_robot
 from optiplan.robot.robot import Robot
+from optiplan.robot.self_collision.pair_bounds import ball_to_box
 from optiplan.verify.continuous.pair_tree import ClusterHull, PairTree
 
 
@@ -177,11 +178,9 @@ class Bodies:
         centre = (rotation @ self.centre[bodies][..., None])[..., 0] + placed.poses[..., :3, 3]
         apart, result = centre[:, 1] - centre[:, 0], np.full(len(bodies), -np.inf)
         for box, ball in ((0, 1), (1, 0)):
-            local = (apart[:, None] @ rotation[:, box])[:, 0]
-            outside = np.maximum(np.abs(local) - self.half[bodies[:, box]], 0.0)
-            far = np.sqrt(np.einsum("ki,ki->k", outside, outside)) - self.radius[bodies[:, ball]]
-            result = np.maximum(result, far)
-        return np.asarray(result)
+            half, radius = self.half[bodies[:, box]], self.radius[bodies[:, ball]]
+            result = np.maximum(result, ball_to_box(rotation[:, box], apart, half, radius))
+        return result
 
     def centres(self, bodies: Index, poses: Array) -> Array:
         """Centres, world, m, of the balls about M bodies at poses (M, 4, 4): (M, 3)."""

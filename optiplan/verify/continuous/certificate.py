@@ -25,6 +25,7 @@ _MOST_OF_HULLS = 2  # halvings of an interval for hulls of clusters; else the bo
 _MOST_AGAIN = 4_000  # items examined to refine the clearance after the proof
 _FIRST_TRAVEL = 0.2  # rad or m, summed over joints: travel within the first intervals
 _MOST_HALVINGS = 12  # of a piece before the first query
+_MOST_FIRST = 100_000_000  # pairs on the first intervals beyond one a piece, of 100 pairs at least, to bound memory
 _MOST_ITEMS = 20_000  # items processed at once, to bound memory
 _NONE = np.empty(0, dtype=np.intp)
 _CHUNK = 256  # blocks of intervals bounded by volumes at a time, to bound memory
@@ -64,6 +65,8 @@ def certify(
     if search.proof.reason:
         return search.proof
     intervals = search.first_intervals()
+    if search.proof.reason:
+        return search.proof
     left = search.by_planes(intervals)
     if left is None:
         return search.in_full(intervals, record)
@@ -122,14 +125,17 @@ class _Search(SearchState):
             self.proof.meet(self.kinds[found.pair], where)
 
     def first_intervals(self) -> Intervals:
-        """Return intervals on which joints move little."""
+        """Return intervals on which joints move little; with a reason to stop where they would be too many."""
         intervals = Intervals.whole(len(self.trajectory.coefficients))
+        most = len(intervals.piece) + _MOST_FIRST // max(len(self.bodies.tree.tops), 100)
         b = self.boxes(intervals)
         while True:
             halvings = np.ceil(np.log2(np.maximum((b.reach - b.jump).sum(axis=1) / _FIRST_TRAVEL, 1.0)))
             halvings = np.minimum(halvings, _MOST_HALVINGS - intervals.level)
             if not halvings.any():
                 break
+            if (2.0**halvings).sum() > most:
+                return self.stop(intervals, f"clearance not proved: the joints travel too far for {most} intervals")
             intervals = intervals.split(halvings.astype(np.intp))
             b = self.boxes(intervals)
         self.proof.intervals = len(intervals.piece)

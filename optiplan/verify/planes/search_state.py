@@ -17,6 +17,9 @@ from optiplan.verify.planes.plane_search import PROVED_SHARE, Gap, plane_search
 from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.tolerances import CLEARANCE_ROUNDING
 
+_MOST_MIDDLES = 20_000
+"""Intervals of which the poses in the middle are computed at once, to bound memory."""
+
 
 @dataclass(eq=False)
 class SearchState:
@@ -69,10 +72,8 @@ class SearchState:
             return None
         tops = self.bodies.tree.tops
         kept = tops[self.is_kept[tops]]
-        rows, some = np.repeat(np.arange(len(intervals.piece)), len(kept)), intervals.each_with(kept)
-        if len(kept):
-            some, rows = self.without_kept(some, rows, self.middles(intervals))
-        asked = planes.begin(self.trajectory, self.jump, intervals, tops[~self.is_kept[tops]], (rows, some.pair))
+        some = self.left_of_kept(intervals, kept)
+        asked = planes.begin(self.trajectory, self.jump, intervals, tops[~self.is_kept[tops]], some)
         met = None if asked is None else asked.nearest(self.policy.clearance)
         if asked is None or met is None:
             return None
@@ -86,6 +87,17 @@ class SearchState:
         self.proof.queries += found.queries
         self.measure([gap for gap in found.nearest if gap[2] >= 0])
         return found.left
+
+    def left_of_kept(self, intervals: Intervals, kept: Index) -> tuple[Index, Index]:
+        """Return on which intervals (K,) which of these pairs (K,) are not proved by what is kept of them."""
+        rows, pairs = [np.empty(0, dtype=np.intp)], [kept[:0]]
+        for first in range(0, len(intervals.piece) if len(kept) else 0, _MOST_MIDDLES):
+            own = intervals.take(np.arange(first, min(first + _MOST_MIDDLES, len(intervals.piece))))
+            each = np.repeat(np.arange(len(own.piece)), len(kept))
+            left, each = self.without_kept(own.each_with(kept), each, self.middles(own))
+            rows.append(first + each)
+            pairs.append(left.pair)
+        return np.concatenate(rows), np.concatenate(pairs)
 
     def prove(self, items: Intervals, clear: Flags, margin: Array) -> None:
         """Remember the clearance `margin` (K,), m, proved of the items that are clear."""

@@ -5,6 +5,7 @@ there. M(t)^-1 = Rot(axis through point, -a(t)) Trans(-d(t)) is done by joints b
 positions are polynomials of time too. So measures, bounds and proofs for a robot in the world are those in the frame.
 """
 
+from collections.abc import Iterable, Sequence
 from dataclasses import fields, replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from optiplan.geometry.obstacle_motion import SLIDES, ObstacleMotion
 from optiplan.problem.problem import Problem, derived
 from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot
-from optiplan.trajectory.joining import with_obstacles
+from optiplan.trajectory.joining import names_beside, with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
 
 _SLIDES = (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ)
@@ -39,7 +40,7 @@ def seen_from(trajectory: Trajectory, motion: ObstacleMotion, begin: float) -> T
     order = np.concatenate([_places(motion) + trajectory.n, np.arange(trajectory.n)])
     coefficients = np.array(whole.coefficients[:, :, order])
     coefficients[:, :, : motion.size] *= -1.0
-    names = (*_names(motion), *trajectory.joint_names)
+    names = (*_names(motion, trajectory.joint_names), *trajectory.joint_names)
     return Trajectory(names, whole.breakpoints, coefficients)
 
 
@@ -55,13 +56,13 @@ def _places(motion: ObstacleMotion) -> Index:
     return np.array([*range(SLIDES)] if motion.axis is None else [SLIDES, *range(SLIDES)], dtype=np.intp)
 
 
-def _names(motion: ObstacleMotion) -> tuple[str, ...]:
+def _names(motion: ObstacleMotion, taken: Iterable[str]) -> Sequence[str]:
     turn = () if motion.axis is None else ("carriage turn",)
-    return (*turn, *(f"carriage {axis}" for axis in "xyz"))
+    return names_beside([*turn, *(f"carriage {axis}" for axis in "xyz")], taken)
 
 
 def _carried(robot: Robot, motion: ObstacleMotion) -> Robot:
-    carriage, joint, names = pin.Model(), 0, _names(motion)
+    carriage, joint, names = pin.Model(), 0, _names(motion, robot.model.names)
     placement = pin.SE3.Identity()
     if motion.axis is not None:
         joint = carriage.addJoint(0, pin.JointModelRZ(), motion.joint_frame, names[0])

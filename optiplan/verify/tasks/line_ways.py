@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.geometry.poses import pose_error
+from optiplan.problem.constraints.measures import FramePoses
 from optiplan.problem.constraints.points import OnLine
 from optiplan.problem.constraints.poses import OrientationCone
 from optiplan.problem.constraints.statements import PathConstraint
@@ -141,13 +142,11 @@ class _Origin:
     """The frame along a motion, by the share of its duration."""
 
     def __init__(self, robot: Robot, frame: str, motion: Trajectory) -> None:
-        self._robot, self._frame, self._motion = robot, robot.frame_id(frame), motion
-        self._data = robot.model.createData()
+        self._poses, self._motion = FramePoses(robot, frame), motion
 
     def pose(self, share: float) -> pin.SE3:
         """Return its pose."""
-        pin.framesForwardKinematics(self._robot.model, self._data, self._motion(share * self._motion.duration))
-        return self._data.oMf[self._frame].copy()
+        return self._poses.at(self._motion(share * self._motion.duration))
 
     def first_within(self, point: Array, radius: float) -> float:
         """Return the share at which it enters the ball in which it ends, 1 where it does not end in it."""

@@ -61,6 +61,15 @@ def test_samples_that_end_early_are_refused(optiplan, free, run):
     assert "expected 0 to" in " ".join(out.split())
 
 
+def test_samples_are_held_against_the_pieces_at_their_times_alone_and_that_is_said(optiplan_json, free, run):
+    stored = json.loads((run / "trajectory.json").read_text())
+    change(run, **{key: [stored[key][0], stored[key][-1]] for key in "tqva"})
+    code, data = optiplan_json("verify", free, run)
+    assert code == 0
+    words = f"2 samples, up to {stored['t'][-1]:.3g} s apart: held against the motion at their own times, not between"
+    assert words in data["report"]["scope"]
+
+
 def test_pieces_without_samples_are_enough(optiplan, free, run):
     stored = json.loads((run / "trajectory.json").read_text())
     (run / "trajectory.json").write_text(json.dumps({key: stored[key] for key in ("joint_names", "pieces")}))

@@ -58,6 +58,14 @@ def test_any_of_several_states_may_be_arrived_in():
     assert "ends" in failed(derived(MOVING, goal=goals[:1]), MOTION)
 
 
+@pytest.mark.parametrize(("off", "met"), [(0.004, True), (0.015, False)])
+def test_the_state_is_that_of_the_goal_that_is_reached(off, met):
+    beside = op.JointGoal(END.q + off, tolerance=0.01, velocity=-V, acceleration=0.5 * A)
+    problem = derived(MOVING, goal=(op.JointGoal(END.q, tolerance=0.01), beside))
+    assert failed(problem, MOTION).keys() == (set() if met else {"ends"})
+    assert len(problem.end_states(END.q)) == 1 + met
+
+
 def test_a_stated_acceleration_is_held_without_jerk_limits_too():
     free = MOVING.with_limits(jerk="none")
     wrong = free.with_start(op.State(START.q, V, 0.5 * A))

@@ -9,7 +9,8 @@ from optiplan.collision.native_model import planning_model
 from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.robot.frames import frame_pose
-from optiplan.trajectory.joining import with_obstacles
+from optiplan.trajectory.joining import standstill, with_obstacles
+from optiplan.verify.tasks.carriage import on_carriage, seen_from
 from optiplan.verify.verify import verify
 
 REACH = op.load_problem("01_reach")
@@ -156,3 +157,19 @@ def test_the_scene_later():
             moved = np.zeros(3) if then.motion is None else then.motion.at(np.array([s]))[0]
             assert then.X_WO.translation + moved == pytest.approx(at, abs=1e-12)
     assert scene.standing.obstacles == ()
+
+
+@pytest.mark.parametrize("name", ["obstacle 0 row 1", "carriage y"])
+def test_joints_may_have_any_names(tmp_path, name):
+    """The proof adds joints that carry what moves, and those that carry the robot where the frame of a line moves."""
+    ends = '<parent link="base"/><child link="slide"/><limit lower="-1" upper="1" effort="1" velocity="1"/>'
+    body = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
+    links = f'<link name="base"/><link name="slide">{body}</link>'
+    (tmp_path / "own.urdf").write_text(
+        f'<robot name="own">{links}<joint name="{name}" type="prismatic">{ends}</joint></robot>'
+    )
+    moving = op.Sphere("ball", 0.1, position=(3.0, 0.0, 0.0)).moving([[0.0, 0.1], [0.0], [0.0]])
+    problem = op.Problem(tmp_path / "own.urdf", [0.0], [0.0], scene=[moving])
+    still = standstill(problem.robot.joint_names, problem.start, 1.0)
+    assert verify(problem, still).verified
+    assert seen_from(still, moving.motion, 0.0).joint_names == on_carriage(problem, moving.motion).robot.joint_names

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.scene import Attachment, Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Sphere
+from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.verify import collision
@@ -146,6 +147,18 @@ def test_giving_up_is_not_a_contact(planar, policy, word):
     assert not check.passed
     assert word in check.detail
     assert certify(CollisionModel(planar, scene), trajectory, VerifyPolicy()).proved
+
+
+def test_travel_without_measure_is_refused_before_it_fills_the_memory(planar):
+    """A file of 300 kB asks for 8 million intervals."""
+    t = np.linspace(0.0, 10.0, 2001)
+    ramps = np.tile([[0.0, 0.0], [2e5, 0.0]], (2000, 1, 1))
+    ball = Obstacle("ball", Sphere(0.02), pin.SE3(np.eye(3), np.array([3.0, 0.0, 0.0])))
+    model, began = CollisionModel(planar, Scene((ball,))), time.perf_counter()
+    proof = certify(model, Trajectory(planar.joint_names, t, ramps), VerifyPolicy())
+    assert not proof.proved
+    assert "travel too far for 1002000 intervals" in proof.reason
+    assert time.perf_counter() - began < 5.0
 
 
 def test_steps_within_tolerance_are_covered(planar):

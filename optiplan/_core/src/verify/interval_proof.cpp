@@ -191,14 +191,11 @@ double IntervalProof::linear(int pair, const Vec3 &n, double half) {
         const int body = side ? both.b : both.a, last = sides_[pair].last[side];
         const Vec3 w = side ? -n : n;
         if (!last) {
-            if (sides_[pair].plane) {  // the half-space itself: w is its normal, inwards
-                const Body &plane = world_.bodies()[body];
-                const double height = dot(at_.bodies[body].R * plane.normal, at_.bodies[body].p) + plane.offset;
-                after += height, before += height;
-            } else {
-                const double height = support(body, w);
-                after += height, before += height;
-            }
+            const Body &still = world_.bodies()[body];  // of a half-space, w is the normal, inwards
+            const double height = still.half_space
+                                      ? dot(at_.bodies[body].R * still.normal, at_.bodies[body].p) + still.offset
+                                      : support(body, w);
+            after += height, before += height;
             continue;
         }
         lay(body);
