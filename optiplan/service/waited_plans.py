@@ -92,6 +92,7 @@ class WaitedPlans:
         new = replace(new_run(submission, answer.data, ""), id=uuid.uuid4().hex)
         record = {**vars(new), **answer.data, "status": "failed" if answer.data["failure"] else "done"}
         record |= {"submitted": began, "started": began, "finished": time.time()}
+        record["contents"] = dict.fromkeys(answer.files, "")  # whose digests are known once they are kept
         return WaitedRun(record, answer.files.get(TRAJECTORY), self._keeper(new, request, whole, began))
 
     async def _answer(
