@@ -34,9 +34,9 @@ def studio_scene(problem: Problem, motion: Trajectory | None = None) -> dict[str
         motion: a motion of it, which the scene then has as its run.
 
     Returns:
-        `scene` as `SceneData.to_dict`; `joints`: name, unit and limits, null where there is none; `start`: (n,); `tool`: its
-        pose at the start; `handles`: poses of the file that can be dragged, see `_handles`; `problem`: the problem as
-        data, all defaults filled in; `hash`.
+        `scene` as `SceneData.to_dict`; `joints`: name, unit, and limits, null where there is none; `start`: (n,);
+        `tool`: its pose at the start; `handles`: poses of the file that can be dragged, see `_handles`; `problem`:
+        the problem as data, all defaults filled in; `hash`.
     """
     limits = problem.robot.limits
     joints = [

@@ -68,8 +68,9 @@
   // The motion that is chosen, before it begins.
   const preview = latest(async () => {
     const { run, problem, execution } = motions[byId("motion").value], path = run ? `api/runs/${run}/scene` : `api/executions/${execution}/scene`;
-    const data = problem ? (await post("api/scene", { problem })).data : await (await Page.ask(path)).json();
-    if (data.scene && !live.id) shown(data);
+    const data = problem ? (await post("api/scene", { problem })).data : await get(path);
+    if (live.id) return;
+    if (data && data.scene) shown(data); else byId("hint").textContent = data ? data.error : "The server does not know this motion any more.";
   });
 
   async function begin() {

@@ -75,7 +75,7 @@ def listed(gone):
     """A list of 80 runs as the server gives it; run 5 has ended once one is gone."""
     about = {"failure": None, "timings": {"plan": 0.1}, "problem": "0" * 64, "robot": "planar2r", "planner": "quintic"}
     about |= {"seed": 0, "budget": 1.0, "deadline": None, "duration": 1.0, "ratio": 1.0}
-    about |= {"started": 1.0, "finished": 2.0}
+    about |= {"started": 1.0, "finished": 2.0, "page": True}
 
     def answer(route):
         asked = {key: float(value[0]) for key, value in parse_qs(urlsplit(route.request.url).query).items()}
