@@ -178,7 +178,7 @@ def test_a_comparison_lasts_as_long_as_what_it_shows(page, server):
     places = page.evaluate("optiplan.scene.runs.map((run) => run.figure.position.toArray())")
     shown = [places[k] for k in range(3) if k != longest]
     assert np.abs(np.subtract(*shown)).max() > 0.1
-    assert page.evaluate("optiplan.app.arrangement.scenery.children.length") == 1  # the second has its obstacle, too
+    assert page.evaluate("optiplan.scene.scenery.children.length") == 1  # the second has its obstacle, too
 
 
 @wide
