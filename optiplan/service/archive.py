@@ -2,9 +2,9 @@
 
 import asyncio
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from optiplan.runs.run_folder import RUN, TRAJECTORY
 from optiplan.service.refusals import Refusal, not_found
@@ -23,6 +23,11 @@ PATIENCE = 5.0
 """s that a request for a run waits until the run is stored."""
 YOUNG = 3600.0
 """s: younger contents may belong to a run that is being recorded."""
+
+
+def has_page(record: Mapping[str, Any]) -> bool:
+    """Whether a run left a record, which its page shows: one that was ended from outside has none."""
+    return RUN in (record.get("contents") or {})
 
 
 class Archive:

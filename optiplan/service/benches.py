@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 from statistics import median
 from typing import Any
 
-from optiplan.runs.run_folder import RUN
-from optiplan.service.archive import Archive
+from optiplan.service.archive import Archive, has_page
 from optiplan.service.execution.run_queue import RunQueue
 from optiplan.service.models import BenchPlannerInput, BenchRequest, ProblemInput, Submission
 from optiplan.service.queued_plans import QueuedPlans
@@ -122,7 +121,7 @@ class Benches:
         records = await self._archive.read(lambda: self._archive.runs.of_ids(ids))
         for problem, label, seed, run in content["runs"]:
             record = records.get(run)
-            if record is None or RUN not in (record["contents"] or {}):
+            if record is None or not has_page(record):
                 continue
             shown.append({"id": run, "key": [problem, label, seed], **await self._archive.texts(record)})
         if not shown:
@@ -180,6 +179,7 @@ def _answer(row: Mapping[str, Any], records: Mapping[str, Record]) -> Record:
                 "problem": problem,
                 "planner": label,
                 "runs": runs,
+                "pages": [run for run in runs if run in records and has_page(records[run])],
                 **_figures([records[run] for run in runs if run in records]),
             }
             for (problem, label), runs in cells.items()
@@ -201,6 +201,7 @@ def _figures(found: Sequence[Record]) -> Record:
     planned = [one["timings"]["plan"] for one in good if one["timings"]]
     ratios = [one["ratio"] for one in good if one["ratio"] is not None]
     return {
+        "kept": len(found),
         "ended": sum(one["status"] in ENDED for one in found),
         "verified": len(good),
         "plan_time": median(planned) if planned else None,

@@ -128,6 +128,7 @@ class RunAnswer(BaseModel):
     submitted: float
     started: float | None = None
     finished: float | None = None
+    page: bool = Field(False, description="Whether it left a record, which `runs/ID` shows")
 
 
 class SubmittedRun(RunAnswer):
@@ -233,6 +234,7 @@ class LiveAnswer(BaseModel):
     frame: str = Field(description="The frame that follows the target")
     velocity_limits: list[float | None] = Field(description="Of the joints, rad/s or m/s; null: none")
     clearance: float | None = Field(description="Distance that is kept, m")
+    target: list[float] = Field(description="The first one, the tool's pose at the start: x, y, z, qx, qy, qz, qw")
 
 
 class LiveView(LiveAnswer):
@@ -279,6 +281,7 @@ class BenchRequest(StorableInput):
 class BenchFigures(BaseModel):
     """Figures of some runs; medians and the best are of the verified ones."""
 
+    kept: int = Field(description="Those that were not deleted")
     ended: int
     verified: int
     plan_time: float | None = Field(description="Median, s")
@@ -298,6 +301,7 @@ class BenchCell(BenchFigures):
     problem: str
     planner: str
     runs: list[str] = Field(description="Ids, by seed")
+    pages: list[str] = Field(description="Those of them that left a record, which `runs/ID` shows")
 
 
 class BenchProblemAnswer(BaseModel):

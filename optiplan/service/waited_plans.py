@@ -12,7 +12,7 @@ from typing import Any
 from sqlalchemy.exc import SQLAlchemyError
 
 from optiplan.errors import OptiPlanError
-from optiplan.runs.run_folder import TRAJECTORY
+from optiplan.runs.run_folder import RUN, TRAJECTORY
 from optiplan.service.archive import Archive
 from optiplan.service.execution.event_writer import AWAY, RETRY
 from optiplan.service.execution.run_solver import GRACE, LEAD, RunSolver
@@ -92,6 +92,7 @@ class WaitedPlans:
         new = replace(new_run(submission, answer.data, ""), id=uuid.uuid4().hex)
         record = {**vars(new), **answer.data, "status": "failed" if answer.data["failure"] else "done"}
         record |= {"submitted": began, "started": began, "finished": time.time()}
+        record["contents"] = {RUN: ""}  # which is kept after the answer, and whose digest is known then
         return WaitedRun(record, answer.files.get(TRAJECTORY), self._keeper(new, request, whole, began))
 
     async def _answer(

@@ -97,6 +97,8 @@ def test_runs_that_were_deleted_are_counted_as_such(server):
     bench = finished(server, server.http.post("/api/benches", json=given).json()["id"])
     assert server.http.delete(f"/api/runs/{bench['cells'][0]['runs'][0]}").status_code == 204
     found = server.http.get(f"/api/benches/{bench['id']}").json()
+    (cell,) = found["cells"]
+    assert (cell["kept"], cell["ended"], cell["pages"]) == (1, 1, cell["runs"][1:])
     assert found["counts"] == {"done": 1, "deleted": 1}
     assert server.http.get(f"/api/benches/{bench['id']}/report.html").status_code == 200
 

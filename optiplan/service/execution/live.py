@@ -12,6 +12,7 @@ from optiplan.control.step import ControlStep
 from optiplan.errors import InputError, wrong_argument
 from optiplan.geometry.poses import pose_error
 from optiplan.problem.problem import Problem
+from optiplan.robot.frames import frame_pose
 from optiplan.simulation.closed_loop import OF_TASKS
 from optiplan.simulation.controllers.joints import ComputedTorque
 from optiplan.simulation.controllers.task_space import TaskSpaceLoop
@@ -61,9 +62,8 @@ class LiveLoop:
             self._plant = RigidBodyPlant(robot, problem.start, FINE)
             inner = ComputedTorque(RigidBodyDynamics(robot), FREQUENCY)
         self._loop = TaskSpaceLoop(problem, TaskSpaceSpec(), PERIOD, robot.tool_frame, inner)
-        self._poses, self._data = Poses(problem), robot.model.createData()
-        self._frame = robot.model.getFrameId(robot.tool_frame)
-        self._target = self._tool(problem.start)
+        self._poses = Poses(problem)
+        self._target = self.first = frame_pose(robot, problem.start, robot.tool_frame)
         self._step: ControlStep | None = None
         self._wanted = np.asarray(problem.start, float)
         self._slowest = self.t = self.lost = 0.0
@@ -105,7 +105,8 @@ class LiveLoop:
     def state(self) -> dict[str, Any]:
         """Where everything is, JSON-ready; `docs/service.md` lists its keys."""
         q, step = self._plant.q, self._step
-        tool = self._tool(q)
+        robot = self.problem.robot
+        tool = frame_pose(robot, q, robot.tool_frame)
         error = pose_error(tool, self._target)
         nearest = None if step is None else step.nearest
         slowest, self._slowest = self._slowest, 0.0
@@ -127,11 +128,6 @@ class LiveLoop:
             "lost": self.lost,
         }
 
-    def _tool(self, q: Array) -> pin.SE3:
-        model = self.problem.robot.model
-        pin.framesForwardKinematics(model, self._data, q)
-        return pin.SE3(self._data.oMf[self._frame])
-
 
 def live_about(loop: LiveLoop) -> Mapping[str, Any]:
     """What is told of a loop before it begins."""
@@ -143,6 +139,7 @@ def live_about(loop: LiveLoop) -> Mapping[str, Any]:
         "frame": robot.tool_frame,
         "velocity_limits": [float(x) if np.isfinite(x) else None for x in limits.velocity],
         "clearance": TaskSpaceSpec().clearance,
+        "target": pin.SE3ToXYZQUAT(loop.first).tolist(),
     }
 
 

@@ -34,14 +34,14 @@ def studio_scene(problem: Problem, motion: Trajectory | None = None) -> dict[str
         motion: a motion of it, which the scene then has as its run.
 
     Returns:
-        `scene` as `SceneData.to_dict`; `joints`: name and limits, null where there is none; `start`: (n,); `tool`: its
-        pose at the start; `handles`: poses of the file that can be dragged, see `_handles`; `problem`: the problem as
-        data, all defaults filled in; `hash`.
+        `scene` as `SceneData.to_dict`; `joints`: name, unit, and limits, null where there is none; `start`: (n,);
+        `tool`: its pose at the start; `handles`: poses of the file that can be dragged, see `_handles`; `problem`:
+        the problem as data, all defaults filled in; `hash`.
     """
     limits = problem.robot.limits
     joints = [
-        {"name": name, "lower": _finite(low), "upper": _finite(high)}
-        for name, low, high in zip(problem.robot.joint_names, limits.lower, limits.upper, strict=True)
+        {"name": name, "unit": problem.robot.unit("position", j), "lower": _finite(low), "upper": _finite(high)}
+        for j, (name, low, high) in enumerate(zip(problem.robot.joint_names, limits.lower, limits.upper, strict=True))
     ]
     return {
         "scene": build_scene(problem, [] if motion is None else [("motion", motion, None)]).to_dict(),

@@ -1,7 +1,7 @@
 "use strict";
 // Benches: what is compared is chosen, and tables grow while runs end.
 (() => {
-  const { byId, make, post, get } = Page;
+  const { byId, make, post, get } = Page, OFTEN = 1000, SELDOM = 5000; // ms
   let texts = {};
 
   const chosen = (id) => [...byId(id).selectedOptions].map((option) => option.value);
@@ -12,11 +12,11 @@
   }
 
   function cell(found, seeds) {
-    const good = found.verified === found.ended ? "verified" : found.verified ? "running" : "failed";
-    const look = found.ended < seeds ? "queued" : good, address = found.runs.length > 1 ? "compare?" + found.runs.slice(0, 8).map((run) => "run=" + run).join("&") : "runs/" + found.runs[0];
-    const count = make("span", { className: "badge " + look, textContent: `${found.verified} of ${seeds}` });
+    const good = found.verified && found.verified === found.ended ? "verified" : found.verified ? "running" : "failed", { pages, kept } = found;
+    const look = found.ended < kept ? "queued" : kept ? good : "", address = pages.length > 1 ? "compare?" + pages.slice(0, 8).map((run) => "run=" + run).join("&") : "runs/" + pages[0];
+    const count = make("span", { className: "badge " + look, textContent: `${found.verified} of ${seeds}`, title: kept < seeds ? `${seeds - kept} of these runs were deleted` : "" });
     const text = found.duration === null ? "" : ` ${found.duration.toFixed(3)} s`;
-    return make("td", {}, found.ended === seeds && found.verified ? make("a", { href: address, title: "View these runs" }, count, text) : make("span", {}, count, text));
+    return make("td", {}, found.ended === kept && pages.length ? make("a", { href: address, title: "View these runs" }, count, text) : make("span", {}, count, text));
   }
 
   function panel(bench) {
@@ -42,12 +42,18 @@
     await show();
   }
 
-  let waiting = 0;
+  let waiting = 0, drawn = "";
   async function show() {
-    const benches = await get("api/benches"), running = benches.some((one) => one.status === "running");
-    byId("benches").replaceChildren(...(benches.length ? benches.map(panel) : [make("p", { className: "none", textContent: "No benches yet." })]));
-    clearTimeout(waiting);
-    if (running) waiting = setTimeout(show, 1000);
+    let wait = SELDOM; // another page may begin one
+    try {
+      const benches = await get("api/benches"), now = JSON.stringify(benches);
+      if (now !== drawn) byId("benches").replaceChildren(...(benches.length ? benches.map(panel) : [make("p", { className: "none", textContent: "No benches yet." })]));
+      drawn = now;
+      if (benches.some((one) => one.status === "running")) wait = OFTEN;
+    } finally {
+      clearTimeout(waiting);
+      waiting = setTimeout(show, wait);
+    }
   }
 
   byId("submit").addEventListener("click", async () => {
@@ -68,6 +74,6 @@
     byId("planners").append(...planners.map(({ name }) => option(name, name === "trajopt" || name === "rrtconnect")));
     await show();
   }
-  addEventListener("optiplan:back", show);
+  addEventListener("optiplan:back", () => { drawn = ""; show(); });
   open();
 })();

@@ -60,14 +60,16 @@ const Page = (() => {
     return { status: answer.status, data: answer.status === 204 ? null : await answer.json() };
   }
 
-  // The answer at an address, however long it takes: while there is none, or none of use, the page says why.
+  // The answer at an address, with its whole text, however long it takes: while there is none, or none of use, the page says why.
   async function answered(path) {
     for (;;) {
-      const answer = await ask(path).catch(() => null);
-      if (answer && !failing(answer)) return answer;
-      if (answer) {
-        const { error } = await answer.json().catch(() => ({ error: `${answer.status} ${answer.statusText}` }));
-        lost(`The server says: ${error}. This page goes on by itself when it can.`, path);
+      const answer = await ask(path).catch(() => null), text = answer && (await answer.text().catch(() => null));
+      if (answer && text === null) lost(SILENT, path); // it broke off
+      else if (answer && !failing(answer)) return { ok: answer.ok, status: answer.status, text };
+      else if (answer) {
+        let said = `${answer.status} ${answer.statusText}`;
+        try { said = JSON.parse(text).error || said; } catch { /* a proxy's page */ }
+        lost(`The server says: ${said}. This page goes on by itself when it can.`, path);
       }
       await new Promise((go) => { if (away) addEventListener("optiplan:back", go, { once: true }); else setTimeout(go, AGAIN); });
     }
@@ -76,7 +78,7 @@ const Page = (() => {
   // The data at an address; null where there is nothing, or no more.
   async function get(path) {
     const answer = await answered(path);
-    return answer.status === 404 ? null : answer.json();
+    return answer.status === 404 ? null : JSON.parse(answer.text);
   }
 
   // Watches a stream of events, by their names; where it is closed for good, `gone` finds out why.
@@ -112,7 +114,7 @@ const Page = (() => {
     const hash = location.hash.slice(1), run = /^run=([0-9a-f]{32})$/.exec(hash);
     if (run) {
       const answer = await answered(`api/runs/${run[1]}/problem`);
-      return answer.ok ? answer.text() : null;
+      return answer.ok ? answer.text : null;
     }
     const stored = /^[0-9a-f]{64}$/.test(hash) ? await get("api/problems/" + hash) : null;
     if (!stored) return null;

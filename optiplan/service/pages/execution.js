@@ -6,7 +6,7 @@
   const LEASED = "optiplan.lease"; // the execution that goes on only while this tab is there
   let motions = {};
 
-  const scene = new StudioScene.Scene(byId("pane"), { moving: (name, pose) => carried(name, pose), obstacle: (name) => carried(name, null) });
+  const scene = StudioScene.begin(byId("pane"), { moving: (name, pose) => carried(name, pose), obstacle: (name) => carried(name, null) });
 
   function say(word, reason, look = word) {
     byId("state").className = "badge " + look;
@@ -58,17 +58,19 @@
   }
 
   async function show(id) {
-    const answer = await Page.ask(`api/executions/${id}/scene`);
-    if (!answer.ok) return;
-    shown(await answer.json());
-    if (live.last) draw(live.last, true);
+    const data = await get(`api/executions/${id}/scene`); // however long it takes
+    if (live.id !== id) return;
+    if (data && data.scene) shown(data);
+    else byId("hint").textContent = "What is drawn may be of another motion: " + (data ? data.error : "the server has no scene of this one");
+    if (live.last) place(live.last);
   }
 
   // The motion that is chosen, before it begins.
   const preview = latest(async () => {
     const { run, problem, execution } = motions[byId("motion").value], path = run ? `api/runs/${run}/scene` : `api/executions/${execution}/scene`;
-    const data = problem ? (await post("api/scene", { problem })).data : await (await Page.ask(path)).json();
-    if (data.scene && !live.id) shown(data);
+    const data = problem ? (await post("api/scene", { problem })).data : await get(path);
+    if (live.id) return;
+    if (data && data.scene) shown(data); else byId("hint").textContent = data ? data.error : "The server does not know this motion any more.";
   });
 
   async function begin() {
@@ -93,7 +95,7 @@
     const speed = { title: "speed along the path", unit: "of the planned", axis: [-1.1, 1.1], series: [{ name: "now", low: -1, high: 1, colour: "--accent", width: 2 }, { name: "wanted", dash: [4, 4], step: true, colour: "--soft" }], values: (state) => [state.speed, state.override] };
     byId("save").href = `api/executions/${id}/recording.zip`;
     live.strips = new Strips.Strips(byId("strips"), [speed, Strips.joints(names, limits)]);
-    const events = Page.stream(`api/executions/${id}/events`, { state: (state) => draw(state), end: ({ reason }) => ended(reason) }, () => again(id));
+    const events = Page.stream(`api/executions/${id}/events`, { state: draw, end: ({ reason }) => ended(reason) }, () => again(id));
     Object.assign(live, { id, last: null, states: 0, heard: performance.now(), motion: 0, events });
     history.replaceState(null, "", "#" + id);
     for (const knob of KNOBS) byId(knob).disabled = false;
@@ -124,20 +126,22 @@
 
   const LOOKS = { running: "verified", done: "verified", waiting: "failed", stopping: "failed", stopped: "failed" };
 
-  function draw(state, again = false) {
+  // Puts what is drawn where a state says; a scene of another robot stays as it is until that of this one has come.
+  function place(state) {
+    if (!scene.data || scene.data.bodies !== state.poses.length) return;
+    scene.pose(state.poses);
+    scene.move(state.obstacles);
+    scene.at(state.place);
+    scene.touching(new Set(state.blocked_by || []));
+  }
+
+  function draw(state) {
     live.last = state;
-    if (scene.data) {
-      scene.pose(state.poses);
-      scene.move(state.obstacles);
-      scene.at(state.place);
-      scene.touching(new Set(state.blocked_by || []));
-    }
-    if (again) return;
     live.states++;
     live.heard = performance.now();
     byId("right").classList.remove("stale");
     say(state.phase, state.reason, LOOKS[state.phase] || "running");
-    if (document.activeElement !== byId("speed") || !live.turned) byId("speed").value = Math.round(100 * state.override);
+    if (!live.turned) byId("speed").value = Math.round(100 * state.override);
     byId("wanted").textContent = Math.round(100 * state.override) + " %";
     byId("progress").value = state.progress;
     byId("share").textContent = `${(100 * state.progress).toFixed(0)} %, ${state.place.toFixed(2)} s of the path`;
@@ -149,6 +153,7 @@
     byId("time").textContent = state.t.toFixed(1) + " s";
     live.strips.add(state);
     byId("save").hidden = false;
+    place(state);
     if (state.motion !== live.motion) { live.motion = state.motion; if (live.states > 1) show(live.id); }
   }
 
@@ -182,9 +187,10 @@
   for (const knob of KNOBS) byId(knob).addEventListener("click", () => send(knob));
   byId("speed").addEventListener("input", () => {
     byId("wanted").textContent = byId("speed").value + " %";
-    live.turned = true;
-    override(byId("speed").value / 100).then(() => { live.turned = false; });
+    live.turned = true; // what the robot says of its speed does not move the slider in the hand
+    override(byId("speed").value / 100);
   });
+  byId("speed").addEventListener("change", () => { live.turned = false; });
   setInterval(look, 500);
   setInterval(() => { if (live.id && byId("lease").checked) send("alive"); }, (1000 * LEASE) / 3);
   window.optiplanExecution = { scene, live };

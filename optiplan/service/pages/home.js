@@ -26,11 +26,11 @@
     const picture = ended
       ? make("img", { src: `api/runs/${run.id}/thumbnail.svg?${run.finished}`, alt: "The scene and the path of the tool", loading: "lazy" })
       : make("div", { className: "blank" });
-    const title = ended && run.status !== "cancelled" ? make("a", { href: "runs/" + run.id, textContent: name }) : make("span", { textContent: name });
+    const title = run.page ? make("a", { href: "runs/" + run.id, textContent: name }) : make("span", { textContent: name });
     const facts = [run.robot, run.duration === null ? null : run.duration.toFixed(3) + " s", run.ratio === null ? null : run.ratio.toFixed(3) + " × bound",
       run.timings && run.timings.plan ? "planned in " + run.timings.plan.toFixed(2) + " s" : null, run.seed ? "seed " + run.seed : null, when(run.submitted)];
-    const box = make("input", { type: "checkbox", checked: chosen.has(run.id), disabled: run.status !== "done" });
-    box.addEventListener("change", () => { chosen[box.checked ? "add" : "delete"](run.id); byId("compare").disabled = chosen.size < 2; });
+    const box = make("input", { type: "checkbox", checked: chosen.has(run.id), disabled: run.status !== "done" || !run.page });
+    box.addEventListener("change", () => { chosen[box.checked ? "add" : "delete"](run.id); comparable(); });
     const button = ended
       ? make("button", { type: "button", textContent: "Delete", onclick: () => forget(`the run ${name}, with its files`, "api/runs/" + run.id, run.id) })
       : make("button", { type: "button", textContent: "Cancel", onclick: () => cancel(`api/runs/${run.id}/cancel`) });
@@ -51,7 +51,7 @@
   }
 
   // ---- what is listed: the newest runs, older ones on demand; all that the filters let through
-  const PAGE = 60, MOST = 500, OFTEN = 1000, SELDOM = 4000; // runs a page, and of one look; ms between two looks while anything runs, and while nothing does
+  const PAGE = 60, MOST = 500, COMPARED = 8, OFTEN = 1000, SELDOM = 4000; // runs a page, and of one look; ms between two looks while anything runs, and while nothing does
   let runs = [], older = false, waiting = 0, drawn = "", listed = "";
 
   function wanted(run) {
@@ -64,10 +64,18 @@
     make("p", {}, make("a", { href: "studio", textContent: "Open the studio" }), ": it has examples; press Plan there. Or from a shell, with this server's address:"),
     make("pre", { textContent: `curl -X POST ${location.origin}${location.pathname}api/plan -H 'Content-Type: application/yaml' --data-binary @problem.yaml` }));
 
+  // Whether what is chosen can be compared, and if not, why.
+  function comparable() {
+    const problems = new Set(runs.filter((run) => chosen.has(run.id)).map((run) => run.problem));
+    const why = chosen.size > COMPARED ? `${chosen.size} are chosen; at most ${COMPARED} fit into a comparison` : problems.size > 1 ? "those chosen are of different problems" : "";
+    byId("compare").disabled = chosen.size < 2 || why !== "";
+    byId("why").textContent = why;
+  }
+
   function draw() {
     const found = runs.filter(wanted), robots = [...new Set(runs.map((run) => run.robot))].sort(), chosenRobot = byId("robot").value;
     for (const id of chosen) if (!runs.some((run) => run.id === id)) chosen.delete(id);
-    byId("compare").disabled = chosen.size < 2;
+    comparable();
     const now = JSON.stringify([found.map((run) => [run.id, run.status, run.finished]), [...chosen], Boolean(runs.length)]);
     if (now !== drawn) byId("runs").replaceChildren(...(found.length ? found.map(card) : [runs.length ? make("p", { className: "none", textContent: "No run is like that." }) : EMPTY()]));
     drawn = now; // what has not changed stays as it is, with its pictures and where the keyboard is
@@ -79,15 +87,20 @@
   }
 
   async function show() {
-    const limit = Math.min(MOST, Math.max(PAGE, runs.length)); // older ones that are shown change, too
-    const { runs: newest, counts } = await get(`api/runs?limit=${limit}`), whole = newest.length < limit;
-    if (whole || !runs.length) older = !whole;
-    const last = newest.length ? newest.at(-1).submitted : 0;
-    runs = whole ? newest : [...newest, ...runs.filter((run) => run.submitted < last)];
-    draw();
-    byId("counts").textContent = Object.entries(counts).map(([state, count]) => `${count} ${state}`).join(" · ");
-    clearTimeout(waiting);
-    waiting = setTimeout(show, counts.queued || counts.running ? OFTEN : SELDOM);
+    let wait = SELDOM;
+    try {
+      const limit = Math.min(MOST, Math.max(PAGE, runs.length)); // older ones that are shown change, too
+      const { runs: newest, counts } = await get(`api/runs?limit=${limit}`), whole = newest.length < limit;
+      if (whole || !runs.length) older = !whole;
+      const last = newest.length ? newest.at(-1).submitted : 0;
+      runs = whole ? newest : [...newest, ...runs.filter((run) => run.submitted < last)];
+      draw();
+      byId("counts").textContent = Object.entries(counts).map(([state, count]) => `${count} ${state}`).join(" · ");
+      if (counts.queued || counts.running) wait = OFTEN;
+    } finally {
+      clearTimeout(waiting);
+      waiting = setTimeout(show, wait);
+    }
   }
 
   let stored = "";

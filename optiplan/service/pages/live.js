@@ -10,7 +10,7 @@
     const { status } = await post(`api/live/${live.id}/target`, { pose });
     if (status === 404) ended("it has ended");
   });
-  const scene = new StudioScene.Scene(byId("pane"), { goal: (pose) => aim(pose) });
+  const scene = StudioScene.begin(byId("pane"), { goal: (pose) => aim(pose) });
 
   function say(word, reason, look = word) {
     byId("state").className = "badge " + look;
@@ -45,7 +45,7 @@
   }
 
   // Watches a controller; `about` is the server's answer about it.
-  function watch({ id, joint_names: names, velocity_limits: limits, clearance }) {
+  function watch({ id, joint_names: names, velocity_limits: limits, clearance, target }) {
     if (live.strips) live.strips.destroy();
     const mm = (metres) => (metres === null ? null : 1000 * metres);
     live.strips = new Strips.Strips(byId("strips"), [
@@ -54,7 +54,7 @@
       Strips.joints(names, limits),
     ]);
     const events = Page.stream(`api/live/${id}/events`, { state: draw, end: ({ reason }) => ended(reason) }, () => again(id));
-    Object.assign(live, { id, first: null, states: 0, events });
+    Object.assign(live, { id, first: target, states: 0, events });
     byId("stop").disabled = byId("home").disabled = false;
     byId("save").href = `api/live/${id}/recording.zip`;
   }
@@ -84,7 +84,6 @@
 
   function draw(state) {
     live.last = state;
-    live.first = live.first || state.target;
     live.states++;
     scene.pose(state.poses);
     scene.aim(state.target);

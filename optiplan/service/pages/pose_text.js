@@ -1,7 +1,9 @@
 "use strict";
 // Poses of the scene as edits of the text: in the frame and in the notation that the file has; what stays is not written.
 const PoseText = (() => {
-  const THREE = MeshCat.THREE, STILL = 1e-6, DEGREE = Math.PI / 180;
+  const THREE = MeshCat.THREE, DEGREE = Math.PI / 180;
+  // What is dragged is written to 1 mm, 1e-4 rad and 0.01°; what is typed, as it is typed, but for what computing adds. `still`: less is no change.
+  const DRAGGED = { metre: 1e-3, radian: 1e-4, degree: 0.01, unit: 1e-6, still: 1e-6, turn: 1e-4 }, TYPED = { metre: 1e-9, radian: 1e-7, degree: 1e-5, unit: 1e-9, still: 1e-9, turn: 1e-6 };
   const round = (x, step) => Math.round(x / step) * step;
 
   // A pose [x, y, z, qx, qy, qz, qw] as a matrix.
@@ -29,28 +31,32 @@ const PoseText = (() => {
 
   const turned = (a, b) => 2 * Math.acos(Math.min(1, Math.abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3])) / (Math.hypot(...a) * Math.hypot(...b)));
 
+  // New numbers to a step; those that are as before stay to the last digit.
+  const changed = (before, fresh, step, still) => fresh.map((x, k) => (Math.abs(x - before[k]) < still ? before[k] : round(x, step)));
+
   // What a pose of the file becomes when it moves in the world from X_WB to Y_WB: {position, rpy, ...}, only what changes.
-  function moved(said, X_WB, Y_WB) {
+  function moved(said, X_WB, Y_WB, to) {
     const own = read(said), offset = said && said.offset ? matrix(read(said.offset)) : new THREE.Matrix4();
     const X_WF = matrix(X_WB).multiply(offset.clone().invert()).multiply(matrix(own).invert());
     const fresh = pose(X_WF.invert().multiply(matrix(Y_WB)).multiply(offset.invert())), wish = {};
-    const shifted = fresh.slice(0, 3).map((x, k) => (Math.abs(x - own[k]) < STILL ? own[k] : round(x, 1e-3)));
+    const shifted = changed(own, fresh.slice(0, 3), to.metre, to.still);
     if (shifted.some((x, k) => x !== own[k])) wish.position = shifted;
-    if (turned(own.slice(3), fresh.slice(3)) > 1e-4) {
-      if (said && said.quaternion) wish.quaternion = fresh.slice(3).map((x) => round(x, 1e-6));
-      else if (said && said.rpy_deg) wish.rpy_deg = angles(fresh.slice(3)).map((x) => round(x / DEGREE, 0.01));
-      else wish.rpy = angles(fresh.slice(3)).map((x) => round(x, 1e-4));
+    if (turned(own.slice(3), fresh.slice(3)) > to.turn) {
+      const { quaternion, rpy_deg, rpy = [0, 0, 0] } = said || {}, turn = angles(fresh.slice(3));
+      if (quaternion) wish.quaternion = fresh.slice(3).map((x) => round(x, to.unit));
+      else if (rpy_deg) wish.rpy_deg = changed(rpy_deg, turn.map((x) => x / DEGREE), to.degree, to.still / DEGREE);
+      else wish.rpy = changed(rpy, turn, to.radian, to.still);
     }
     return wish;
   }
 
-  // Edits of the pose at `path` of the text.
-  function edits(text, path, X_WB, Y_WB) {
-    const wish = moved(ProblemText.value(text, path), X_WB, Y_WB);
+  // Edits of the pose at `path` of the text, to the digits of what is dragged or typed.
+  function edits(text, path, X_WB, Y_WB, to = DRAGGED) {
+    const wish = moved(ProblemText.value(text, path), X_WB, Y_WB, to);
     return Object.keys(wish).length ? ProblemText.set(text, path, wish) : [];
   }
 
   // A pose of the world as the file would say it anew.
-  const said = (X_WB) => ({ position: X_WB.slice(0, 3).map((x) => round(x, 1e-3)), rpy: angles(X_WB.slice(3)).map((x) => round(x, 1e-4)) });
-  return { read, edits, said, angles, fromAngles, round };
+  const said = (X_WB, to = DRAGGED) => ({ position: X_WB.slice(0, 3).map((x) => round(x, to.metre)), rpy: angles(X_WB.slice(3)).map((x) => round(x, to.radian)) });
+  return { read, edits, said, angles, fromAngles, round, TYPED };
 })();

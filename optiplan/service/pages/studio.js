@@ -3,7 +3,7 @@
 (() => {
   const { byId, make, post, get, latest } = Page, SURFACE_GAP = 0.01; // m between a surface and the goal on it
   const ELSEWHERE = "No ways to reach it are shown: at the start the robot lacks the frame of this pose, or this step does not move all joints that carry it.";
-  const state = { valid: "", problem: null, hash: "", q: [], start: [], asked: 0, handles: [], active: 0, chosen: null, coming: null, branches: [], branch: -1, examples: {}, opened: "" };
+  const state = { valid: "", problem: null, hash: "", q: [], start: [], asked: 0, handles: [], active: 0, chosen: null, coming: null, branches: [], branch: -1, examples: {}, opened: "", opening: 0, behind: true };
   const names = { robots: [], planners: [] };
   const NO_END = Object.fromEntries(["joints", "joints_deg", "configuration", "pose", "region", "all_of", "any_of"].map((key) => [key, undefined])); // to be spread before the one that is meant
   const WRITTEN_OUT = ["for", "do", "either", "pick", "place"]; // steps that are several ones in the problem
@@ -12,7 +12,7 @@
   const editor = new Editor.Text(byId("text"), (text) => { keep(text); clearTimeout(typing); typing = setTimeout(check, 350); }, words);
   let typing = 0;
 
-  const scene = new StudioScene.Scene(byId("pane"), {
+  const scene = StudioScene.begin(byId("pane"), {
     goal(pose, ended, index) {
       if (index !== undefined) { activate(index); return; }
       if (ended) moved(pose);
@@ -20,7 +20,7 @@
     },
     obstacle: (name, pose) => placed(name, pose),
     selected: (name) => choose(name),
-    resized(name, shape, pose, ended) { if (ended && here(name)) write(sized(name, shape), placement(name, pose)); },
+    resized(name, shape, pose, ended) { if (ended && body(name) && here(name)) write(sized(name, pulled(shape, body(name).shape)), placement(name, pose)); },
     branch: (k) => takeBranch(k),
     surface: (point, normal) => { point_at(false); moved(onSurface(point, normal)); },
   });
@@ -29,14 +29,15 @@
   function write(...wishes) {
     let text = editor.text();
     const before = text;
-    if (!ProblemText.sound(text)) { // the scene shows what the text last said
-      tell("The text is not valid YAML: mend it first, then drag.");
+    if (state.behind || !ProblemText.sound(text)) { // the scene shows what the text last said
       redraw();
-      return;
+      tell("The scene shows an earlier text: mend what is wrong with it first, then drag.");
+      return false;
     }
     for (const edits of wishes) text = ProblemText.applied(text, edits(text));
     editor.edit(difference(before, text));
     check();
+    return true;
   }
 
   // One edit that turns a text into another: what both have at their begin and end stays.
@@ -50,10 +51,11 @@
   }
 
   const place = (name) => ["scene", "obstacles", ProblemText.named(editor.text(), ["scene", "obstacles"], name)];
-  const body = (name) => state.problem.scene.obstacles.find((one) => one.name === name);
-  const placement = (name, pose) => (text) => PoseText.edits(text, [...place(name), "pose"], PoseText.read(body(name).pose), pose);
-  const sized = (name, shape) => (text) => ProblemText.set(text, [...place(name), "shape"], rounded(shape));
-  const rounded = (value) => (typeof value === "number" ? PoseText.round(value, 1e-3) : Array.isArray(value) ? value.map(rounded) : Object.fromEntries(Object.entries(value).map(([key, one]) => [key, rounded(one)])));
+  const body = (name) => (state.problem ? state.problem.scene.obstacles.find((one) => one.name === name) : undefined);
+  const placement = (name, pose, to) => (text) => PoseText.edits(text, [...place(name), "pose"], PoseText.read(body(name).pose), pose, to);
+  const sized = (name, shape) => (text) => ProblemText.set(text, [...place(name), "shape"], shape);
+  // A shape whose knob was pulled, to 1 mm; sizes that are as before stay to the last digit.
+  const pulled = (value, before) => (typeof value === "number" ? (value === before ? value : PoseText.round(value, 1e-3)) : Array.isArray(value) ? value.map((one, k) => pulled(one, before[k])) : Object.fromEntries(Object.entries(value).map(([key, one]) => [key, pulled(one, before[key])])));
 
   // Whether an obstacle stands in this text, and not in a file that it names, or no more.
   function here(name) {
@@ -64,11 +66,11 @@
 
   function placed(name, pose) { if (here(name)) write(placement(name, pose)); }
 
-  // The pose that is dragged goes to where the file has it; an end of joint values becomes a pose.
-  function moved(pose) {
+  // The pose that is dragged or typed goes to where the file has it; an end of joint values becomes a pose.
+  function moved(pose, to) {
     const handle = state.handles[state.active];
-    if (!handle || handle.joints) write((text) => ProblemText.set(text, handle ? handle.path : ["goal"], { ...NO_END, velocity: undefined, acceleration: undefined, pose: PoseText.said(pose) }));
-    else write((text) => PoseText.edits(text, handle.path, handle.pose, pose));
+    if (!handle || handle.joints) write((text) => ProblemText.set(text, handle ? handle.path : ["goal"], { ...NO_END, velocity: undefined, acceleration: undefined, pose: PoseText.said(pose, to) }));
+    else write((text) => PoseText.edits(text, handle.path, handle.pose, pose, to));
   }
 
   function add(kind) {
@@ -87,7 +89,7 @@
   function does(what, value) {
     const { chosen } = state, at = place(chosen);
     if (!here(chosen)) return;
-    if (what === "pose") write(placement(chosen, value));
+    if (what === "pose") write(placement(chosen, value, PoseText.TYPED));
     else if (what === "shape") write(sized(chosen, value));
     else if (what === "show") editor.show(ProblemText.place(editor.text(), at));
     else if (what === "remove") { choose(null); write((text) => ProblemText.remove(text, at)); }
@@ -95,8 +97,8 @@
       const one = ProblemText.value(editor.text(), at), taken = new Set(state.problem.scene.obstacles.map(({ name }) => name));
       let k = 2;
       while (taken.has(`${chosen}_${k}`)) k++;
-      const pose = PoseText.said(PoseText.read(one.pose));
-      put({ ...one, name: `${chosen}_${k}`, pose: { ...one.pose, position: pose.position.map((x, j) => PoseText.round(x + (j === 1 ? 0.1 : 0), 1e-3)) } });
+      const [x, y, z] = PoseText.read(one.pose);
+      put({ ...one, name: `${chosen}_${k}`, pose: { ...one.pose, position: [x, y + 0.1, z] } });
     }
   }
 
@@ -123,9 +125,9 @@
   }
 
   function activate(index) {
+    if (!state.handles[index]) return; // of a text that was here before
     state.active = index;
-    state.branches = [];
-    scene.branches([]);
+    noWays();
     scene.handles(state.handles.map((one) => one.pose), index);
     choose(null);
     solve(state.handles[index].pose);
@@ -139,7 +141,7 @@
   function fields() {
     const one = state.chosen && body(state.chosen), handle = state.handles[state.active];
     const shown = one ? StudioCard.obstacle({ ...one, pose: PoseText.read(one.pose), fixed: "half_space" in one.shape }, does)
-      : handle ? StudioCard.handle(handle, (what, pose) => (what === "show" ? editor.show(ProblemText.place(editor.text(), handle.path)) : (moved(pose), solve(pose)))) : [];
+      : handle ? StudioCard.handle(handle, (what, pose) => (what === "show" ? editor.show(ProblemText.place(editor.text(), handle.path)) : (moved(pose, PoseText.TYPED), solve(pose)))) : [];
     byId("fields").replaceChildren(...shown);
     byId("chosen").firstElementChild.textContent = one ? `${one.name} · ${Object.keys(one.shape)[0].replace("_", " ")}` : handle ? handle.label : "";
     byId("chosen").hidden = !shown.length;
@@ -147,12 +149,21 @@
 
   // ---- branches of the goal
   const solve = latest(async (pose) => {
-    const { frame } = state.handles[state.active] || {};
+    if (!state.drawn) return;
+    const { opening } = state, { frame } = state.handles[state.active] || {};
     const { status, data } = frame === null ? { status: 200, data: { branches: [], reason: ELSEWHERE } } : await post("api/ik", { problem: state.valid, pose, near: state.q, frame });
-    if (status !== 200) return;
+    if (status !== 200 || opening !== state.opening) return;
     Object.assign(state, { branches: data.branches, branch: -1, solved: pose });
     ghosts(data.reason);
   });
+
+  // No ways are known to what is reached for now.
+  function noWays() {
+    Object.assign(state, { branches: [], branch: -1 });
+    if (scene.data) scene.branches([]);
+    byId("branches").replaceChildren();
+    byId("take").hidden = true;
+  }
 
   function ghosts(reason) {
     scene.branches(state.branches, state.branch);
@@ -165,6 +176,7 @@
   }
 
   function takeBranch(k) {
+    if (!state.branches[k]) return;
     state.branch = k;
     state.q = [...state.branches[k].q];
     ghosts("");
@@ -189,12 +201,24 @@
     byId("issues").replaceChildren(...(issues.length ? issues.map(shownIssue) : [make("div", { className: "fine", textContent: "valid" })]));
     editor.mark(issues.map((one) => ({ line: one.line, words: said(one) })));
     byId("plan").disabled = byId("store").disabled = issues.length > 0;
-    if (issues.length) { StudioRun.clear(editor.text()); return; }
+    if (issues.length) { StudioRun.clear(editor.text()); behind(true, status); return; }
     if (state.hash && data.hash !== state.hash) StudioRun.clear(editor.text());
-    Object.assign(state, { valid: problem, hash: data.hash });
+    state.hash = data.hash;
     const drawn = await post("api/scene", { problem });
-    if (drawn.status === 200 && asked === state.asked) draw(drawn.data);
+    if (asked !== state.asked) return;
+    behind(drawn.status !== 200, drawn.status);
+    if (state.behind) { tell(`The scene is not drawn anew: ${drawn.data.error}`); return; }
+    state.valid = problem;
+    draw(drawn.data);
   });
+
+  // Whether the scene is behind the text: it shows an earlier one, or none, and writes nothing until it is drawn anew.
+  // A server that was too busy for it is asked again.
+  function behind(yes, status = 200) {
+    state.behind = yes;
+    if (status === 429 || status === 503) typing = setTimeout(check, 2000);
+    for (const id of ["add", "surface", "start", "goal", "take", "record", "play"]) byId(id).disabled = yes;
+  }
 
   // The scene as it was drawn last: what was dragged goes back.
   function redraw() { if (state.drawn) draw(state.drawn); }
@@ -219,12 +243,13 @@
     if (state.handles.length) scene.handles(state.handles.map((one) => one.pose), state.active);
     if (!state.handles.length && (had || !scene.framed)) tell("This text has no pose to be dragged. Obstacles can be dragged, with shift up and down; a click chooses one.");
     if (!scene.framed) { scene.frame(); scene.framed = true; }
-    if (fresh || state.q.length !== found.start.length) Object.assign(state, { q: [...found.start], branches: [], branch: -1 });
+    if (fresh || state.q.length !== found.start.length) {
+      state.q = [...found.start];
+      noWays();
+    }
     const aim = state.handles[state.active]; // ghosts stay as long as they reach what the text says
     if (state.branches.length && aim && aim.pose.some((x, k) => Math.abs(x - state.solved[k]) > 2e-3)) {
-      Object.assign(state, { branches: [], branch: -1 });
-      byId("branches").replaceChildren();
-      byId("take").hidden = true;
+      noWays();
       tell("");
     }
     scene.branches(state.branches, state.branch);
@@ -241,17 +266,18 @@
 
   function sliders() {
     byId("sliders").replaceChildren(...state.joints.map((joint, k) => {
-      const low = joint.lower === null ? -Math.PI : joint.lower, high = joint.upper === null ? Math.PI : joint.upper;
-      const value = make("output", { textContent: state.q[k].toFixed(3) });
+      const far = joint.unit === "m" ? 1 : Math.PI, low = Math.min(state.q[k], joint.lower === null ? -far : joint.lower), high = Math.max(state.q[k], joint.upper === null ? far : joint.upper);
+      const shown = () => `${state.q[k].toFixed(3)} ${joint.unit}`, value = make("output", { textContent: shown() });
       const slider = make("input", { type: "range", min: low, max: high, step: "any", value: state.q[k] });
-      slider.addEventListener("input", () => { state.q[k] = Number(slider.value); value.textContent = state.q[k].toFixed(3); move(); });
+      slider.addEventListener("input", () => { state.q[k] = Number(slider.value); value.textContent = shown(); move(); });
       return make("label", { textContent: joint.name }, value, slider);
     }));
   }
 
   const move = latest(async () => {
-    const { status, data } = await post("api/pose", { problem: state.valid, q: state.q });
-    if (status !== 200) return;
+    if (!state.drawn) return;
+    const { drawn } = state, { status, data } = await post("api/pose", { problem: state.valid, q: state.q });
+    if (status !== 200 || drawn !== state.drawn) return;
     scene.pose(data.poses);
     scene.touching(new Set(data.touching.flat()));
     byId("touching").textContent = [...new Set(data.touching.map((pair) => pair.join(" and ") + " touch"))].join("; ");
@@ -272,18 +298,19 @@
   // ---- teach: points are recorded as vias, and played back as they are, before any planning
   function record() {
     const q = state.q.map((x) => PoseText.round(x, 1e-6));
-    write((text) => ProblemText.add(text, ["via"], { joints: q }));
-    tell("recorded: Plan makes one proved motion past all points; Play back shows them as they are");
+    if (write((text) => ProblemText.add(text, ["via"], { joints: q }))) tell("recorded: Plan makes one proved motion past all points; Play back shows them as they are");
   }
 
   async function play() {
-    const vias = (ProblemText.value(editor.text(), ["via"]) || []).map((one) => one.joints).filter(Array.isArray), goal = (ProblemText.value(editor.text(), ["goal"]) || {}).joints;
-    const points = [state.start, ...vias, ...(Array.isArray(goal) ? [goal] : [])], before = state.q, STEPS = 20;
+    const wanted = ["via", "goal"].flatMap((key) => ProblemText.value(editor.text(), [key]) || []).map((one) => Object(one).joints), given = wanted.filter(Array.isArray);
+    const points = [state.start, ...given], { q: before, opening } = state, STEPS = 20, left = wanted.length - given.length;
+    tell(left ? `${left} of ${wanted.length} points are no lists of joint values in the text: they are left out` : "");
     if (points.length < 2) { tell("nothing to play: record a point, or set a goal of joint values"); return; }
     for (let k = 0; k + 1 < points.length; k++) for (let j = 1; j <= STEPS; j++) {
       state.q = points[k].map((x, i) => x + (j / STEPS) * (points[k + 1][i] - x));
       await move();
       await new Promise((done) => setTimeout(done, 40));
+      if (opening !== state.opening) return;
     }
     state.q = before;
     move();
@@ -300,7 +327,11 @@
   function open(text, undoable) {
     const edited = editor.text() && editor.text() !== state.opened;
     state.opened = text;
-    Object.assign(state, { start: [], branches: [], branch: -1, chosen: null, active: 0 });
+    Object.assign(state, { start: [], q: [], joints: [], handles: [], problem: null, drawn: null, valid: "", chosen: null, active: 0, opening: state.opening + 1, asked: state.asked + 1 }); // what was asked about another text is not drawn
+    noWays();
+    fields();
+    sliders();
+    behind(true);
     scene.framed = false;
     if (undoable) editor.replace(text); else editor.begin(text);
     notice(edited ? "Your text is one undo away." : "", ["Bring it back", () => editor.undo()]);

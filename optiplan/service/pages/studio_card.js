@@ -4,11 +4,11 @@ const StudioCard = (() => {
   const { make } = Page, DEGREE = Math.PI / 180;
   const shown = (x, unit) => String(Number(x.toFixed(unit === "m" ? 4 : 2)) + 0);
 
-  // Fields of a row: `said(values)` hears all of them when one has changed.
+  // Fields of a row: `said(values)` hears all of them when one has changed, the others with all their digits.
   function row(label, unit, values, names, said, step) {
-    const inputs = values.map((value, k) => {
+    const now = [...values], inputs = values.map((value, k) => {
       const input = make("input", { type: "number", step, value: shown(value, unit), ariaLabel: `${label} ${names[k] || ""}, ${unit}` });
-      input.addEventListener("change", () => { if (input.value !== "" && Number.isFinite(Number(input.value))) said(inputs.map((one) => Number(one.value)), k); });
+      input.addEventListener("change", () => { if (input.value === "" || !Number.isFinite(Number(input.value))) return; now[k] = Number(input.value); said([...now]); });
       return input;
     });
     return make("div", { className: "row" }, make("span", { textContent: `${label}, ${unit}` }), make("div", {}, ...inputs));

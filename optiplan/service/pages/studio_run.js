@@ -93,7 +93,7 @@ const StudioRun = (() => {
     const said = run.failure ? `${run.failure.kind}: ${run.failure.detail}` : run.duration ? `${run.duration.toFixed(4)} s` + (run.ratio ? `, ${run.ratio.toFixed(3)} × the bound` : "") : "";
     tell(word, said);
     if (run.status === "cancelled") return;
-    Object.assign(byId("link"), { href: "runs/" + run.id, hidden: false });
+    Object.assign(byId("link"), { href: "runs/" + run.id, hidden: !run.page });
     Object.assign(byId("execute"), { href: "execution#run=" + run.id, hidden: !run.verified });
     if (run.status !== "done") return;
     byId("page").src = "runs/" + run.id;

@@ -1,7 +1,7 @@
 "use strict";
 // The live scene: a robot to be posed, ghosts of all branches, a goal and obstacles to be dragged. Metres, z up.
 const StudioScene = (() => {
-  const THREE = MeshCat.THREE, { makeGeometry, rgb, place, placeInTime } = OptiPlanShapes, { floats } = OptiPlanPacked, { poseOf } = SceneHand;
+  const THREE = MeshCat.THREE, { makeGeometry, rgb, place } = OptiPlanShapes, { floats } = OptiPlanPacked, { poseOf } = SceneHand;
   const GOOD = 0x2374c6, BAD = 0xd3261f, CHOSEN = 0x1f9d55, TOUCHING = 0xd3261f;
 
   class Scene {
@@ -51,6 +51,7 @@ const StudioScene = (() => {
     show(data, tool) {
       this.empty(this.root);
       this.data = data;
+      this.objects = null;
       this.geometries = this.remade(data.geometries);
       this.obstacles = new THREE.Group();
       for (const part of data.parts.filter((one) => one.set === "obstacle")) {
@@ -123,7 +124,7 @@ const StudioScene = (() => {
 
     // Bodies of the robot, by name, in the colour of what touches; all others in their own.
     touching(names) {
-      for (const body of this.robot.bodies) for (const mesh of body.children) {
+      for (const body of [...this.robot.bodies, ...(this.objects ? [this.objects.group] : [])]) for (const mesh of body.children) {
         const own = mesh.userData.own || (mesh.userData.own = mesh.material.color.clone());
         mesh.material.color.copy(names.has(mesh.userData.link) || names.has(mesh.name) ? new THREE.Color(TOUCHING) : own);
       }
@@ -231,23 +232,25 @@ const StudioScene = (() => {
     motion(run) {
       const points = floats(run.path), line = new THREE.BufferGeometry().setAttribute("position", new THREE.BufferAttribute(points, 3));
       this.root.add(new THREE.Line(line, new THREE.LineBasicMaterial({ color: GOOD, transparent: true, opacity: 0.6 })));
-      this.objects = run.objects.map((one) => {
-        const mesh = new THREE.Mesh(this.geometries[one.geometry], new THREE.MeshStandardMaterial({ color: rgb(one.colour), roughness: 0.7 }));
-        mesh.userData.stays = one.stays;
-        return mesh;
-      });
-      this.at(0);
+      this.objects = new OptiPlanObjects.Objects(this, { data: run, figure: this.robot }, (one) => new THREE.MeshStandardMaterial({ color: rgb(one.colour), roughness: 0.7 }));
     }
 
     // Objects of a task where they are at a time of the planned motion, s.
     at(time) {
-      for (const mesh of this.objects || []) {
-        const stay = mesh.userData.stays.findLast((one) => one.begin <= time) || mesh.userData.stays[0];
-        this.robot.bodies[stay.body].add(mesh);
-        placeInTime(mesh, stay.pose, stay.motion, time);
-      }
+      if (this.objects) this.objects.show(time);
       this.viewer.set_dirty();
     }
   }
-  return { Scene };
+
+  // The scene of a page. Where the browser has no WebGL it draws nothing and says so; what a page does beside it goes on.
+  function begin(pane, events) {
+    try {
+      return new Scene(pane, events);
+    } catch (error) {
+      pane.replaceChildren(Page.make("p", { className: "trouble", textContent: `The scene needs WebGL, which this browser does not offer; all else is here all the same. (${error.message})` }));
+      pane.removeAttribute("role"); // there are words to be read now
+      return new Proxy({ events, data: null, pointing: false, obstacles: { children: [] } }, { get: (own, name) => (name in own ? own[name] : () => {}) });
+    }
+  }
+  return { begin };
 })();

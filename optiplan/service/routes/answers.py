@@ -13,7 +13,7 @@ from fastapi.responses import JSONResponse, Response
 from sse_starlette.sse import EventSourceResponse
 
 from optiplan.config.document import parse_yaml
-from optiplan.service.archive import Archive
+from optiplan.service.archive import Archive, has_page
 from optiplan.service.models import ErrorAnswer, RunAnswer
 from optiplan.service.planner_service import PlannerService
 from optiplan.service.refusals import Refusal
@@ -138,7 +138,7 @@ def whole_page(page: bytes, drawn: bool = False) -> Response:
 
 def run_answer(record: Record) -> dict[str, Any]:
     """A run as `RunAnswer` says."""
-    return {key: record.get(key) for key in RunAnswer.model_fields}
+    return {key: record.get(key) for key in RunAnswer.model_fields} | {"page": has_page(record)}
 
 
 def run_answers(records: Iterable[Record]) -> list[dict[str, Any]]:

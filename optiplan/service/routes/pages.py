@@ -75,7 +75,7 @@ async def problem_picture(hash: HashPath, service: Service) -> Response:
 async def viewer() -> Response:
     """What draws: meshcat's bundle, and the viewer's shapes and curves."""
     web = Path(str(resources.files("optiplan.viewer"))) / "web"
-    ours = [web / name for name in ("packed.js", "scene/shapes.js", *CURVES_SCRIPTS)]
+    ours = [web / name for name in ("packed.js", "scene/shapes.js", "scene/objects.js", *CURVES_SCRIPTS)]
     found = find_spec("meshcat")
     if found is None or not found.origin:
         raise not_found("package", "meshcat")

@@ -29,6 +29,7 @@ const OptiPlanAddress = (() => {
       if (!wish.has("run")) app.select(Math.max(0, app.shown.indexOf(true)));
       app.update();
     }
+    if (app.arrange && wish.has("arrange")) app.arrange(wish.get("arrange"));
     if (wish.has("signals")) dock.signal(signals(wish.get("signals")));
     if (wish.has("multiples")) { dock.multiples = true; dock.draw(); }
     if (wish.has("of")) dock.look(wish.get("of"));
@@ -40,26 +41,30 @@ const OptiPlanAddress = (() => {
     if (wish.has("speed")) clock.setSpeed(Number(wish.get("speed")));
     if (scene && wish.has("cam")) {
       const six = numbers(wish.get("cam"));
-      if (six.length === 6 && six.every(Number.isFinite)) scene.camera = six;
+      if (six.length === 6 && six.every(Number.isFinite)) Object.assign(scene, { camera: six, turned: true });
     }
     if (wish.has("t") || wish.has("paused")) clock.playing = false;
     if (wish.has("t")) clock.seek(Number(wish.get("t")) || 0); else clock.tell();
+    write(app);
     app.written = location.hash;
   }
 
   // Writes what is seen into the address, without an entry in the history.
   function write(app) {
     const { clock, scene, layers, dock, data } = app, parts = [];
+    if (document.body.classList.contains("bare")) parts.push("scene");
     if (!clock.playing) parts.push(`t=${+clock.time.toFixed(4)}`, "paused");
     if (clock.speed !== 1) parts.push(`speed=${clock.speed}`);
     if (scene && scene.turned) parts.push(`cam=${scene.camera.map((x) => +x.toFixed(3)).join()}`);
     if (layers.wish) parts.push(`layers=${layers.wish.join()}`);
     if (data.runs.length > 1) parts.push(`run=${encodeURIComponent(data.runs[app.selected].label)}`);
+    if (app.arrangement && app.arrangement.mode !== "together") parts.push(`arrange=${app.arrangement.mode}`);
     if (app.chosen) parts.push(`runs=${data.runs.filter((_, k) => app.shown[k]).map((run) => encodeURIComponent(run.label)).join()}`);
     if (dock.quantity !== (data.runs.length > 3 ? "table" : "velocity")) parts.push(`tab=${encodeURIComponent(dock.quantity)}`);
     if (scene && app.picked && app.picked.hidden.size) parts.push(`hide=${joined(app.picked.wish.hidden)}`);
     if (scene && app.picked && app.picked.pins.size) parts.push(`pin=${joined(app.picked.wish.pinned)}`);
     if (dock.run && dock.run.only) parts.push(`of=${encodeURIComponent(dock.run.only)}`);
+    if (document.body.dataset.panel !== "card") parts.push(`panel=${document.body.dataset.panel}`);
     if (dock.multiples) parts.push("multiples");
     if (dock.signals.length) parts.push(`signals=${encodeURIComponent(JSON.stringify(dock.signals))}`);
     if (document.documentElement.dataset.theme) parts.push(`theme=${document.documentElement.dataset.theme}`);

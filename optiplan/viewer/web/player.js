@@ -44,7 +44,7 @@
     colour: (k) => (scene ? scene.runs[k].colour : OptiPlanCurves.COLOURS[k % OptiPlanCurves.COLOURS.length]),
     joint(name) { if (scene) scene.lightJoint(name); },
     solo(k) { app.alone = k === null || k < 0 ? null : k; show(); },
-    update() { app.chosen = true; rewind(); show(); app.dock.draw(); app.changed(); },
+    update() { app.chosen = true; timed(); show(); app.dock.draw(); app.changed(); },
     looked() { posed = null; pose(); },
     select, changed: () => OptiPlanAddress.write(app),
   };
@@ -62,11 +62,10 @@
     const failed = data.runs[app.selected] && data.runs[app.selected].row.duration === null; // is looked at alone
     const alone = app.alone === null && failed ? app.selected : app.alone;
     scene.runs.forEach((run, k) => {
-      const turn = mode() === "turn" ? k === app.selected : true;
-      const path = alone === null ? app.shown[k] !== false && turn : k === alone, robot = alone === null ? path && (app.robots[k] !== false || mode() === "turn") : path;
+      const path = alone !== null ? k === alone : mode() === "turn" ? k === app.selected : app.shown[k] !== false, robot = alone === null ? path && (app.robots[k] !== false || mode() === "turn") : path;
       run.figure.bodies.slice(1).forEach((body) => { body.visible = robot; });
       run.figure.bodies[0].visible = mode() === "together" ? k === 0 : robot; // what is bolted down is the same in every figure
-      run.objects.group.visible = robot && (!data.several || mode() !== "together" || k === app.selected);
+      run.objects.group.visible = robot && scene.layers.obstacle.visible && (!data.several || mode() !== "together" || k === app.selected);
       if (run.path) run.path.visible = path;
       if (run.ellipsoids) run.ellipsoids.group.visible = robot;
     });
@@ -74,11 +73,14 @@
     scene.dirty();
   }
 
-  // The clock of the runs that are shown.
-  function rewind() {
-    if (!several || mode() === "turn") return;
-    const shown = data.runs.filter((_, k) => app.shown[k] || k === app.selected);
-    clock.last(lasting(shown));
+  // The clock of the runs that are shown, and what stands along it: ticks and steps of the one that is selected.
+  function timed() {
+    const run = data.runs[app.selected];
+    if (!run) return;
+    if (several) clock.last(mode() === "turn" ? run.duration || clock.duration : lasting(data.runs.filter((_, k) => app.shown[k] || k === app.selected)));
+    clock.end = run.row.duration === null ? Math.min(clock.duration, endOf(run)) : several ? clock.duration : clock.end;
+    OptiPlanTimeline.mark(clock, run, jump);
+    app.steps.fill(run, OptiPlanTimeline.place);
   }
 
   // Position by straight line, orientation by slerp between the two samples around t; at the end each run rests.
@@ -120,15 +122,11 @@
     app.selected = k;
     const run = data.runs[k];
     if (!run) return;
-    if (several && mode() === "turn") clock.last(run.duration || clock.duration);
-    rewind();
-    clock.end = run.row.duration === null ? Math.min(clock.duration, endOf(run)) : several ? clock.duration : clock.end;
+    timed();
     if (app.arrangement) app.arrangement.follow(k);
     byId("selected").hidden = !several;
     byId("selected").replaceChildren(run.label, OptiPlanVerdict.badge(run));
     OptiPlanVerdict.fill(byId("checked"), run, jump);
-    OptiPlanTimeline.mark(clock, run, jump);
-    app.steps.fill(run, OptiPlanTimeline.place);
     app.comparison.mark();
     app.dock.fill();
     fillHead(run);
@@ -150,7 +148,8 @@
   function arrange(wanted) {
     app.arrangement.set(wanted);
     clock.following = wanted !== "turn" ? null : () => {
-      const order = app.comparison.order.filter(([run]) => run.row.duration !== null).map(([, k]) => k);
+      const order = app.comparison.order.filter(([run, k]) => run.row.duration !== null && app.shown[k]).map(([, k]) => k);
+      if (!order.length) return false;
       select(order[(order.indexOf(app.selected) + 1) % order.length]);
       clock.seek(0);
       return true;
@@ -231,7 +230,7 @@
   }
 
   function wireScene() {
-    OptiPlanLayers.addAll(app.layers, scene, data, wish);
+    OptiPlanLayers.addAll(app.layers, scene, data, wish, show);
     scene.tool = scene.addTriad(scene.layers.frames, [0, 0, 0, 0, 0, 0, 1], 0.05);
     scene.frame();
     data.runs.forEach((run, k) => run.witnesses.forEach((witness) => scene.failures.push(new OptiPlanFailure.Failure(scene, scene.runs[k], witness))));
@@ -241,7 +240,7 @@
     controls.addEventListener("end", () => { scene.turned = true; app.changed(); });
     new ResizeObserver(() => scene.resize(byId("pane"))).observe(byId("pane"));
     addTips();
-    app.picked = new OptiPlanPicked.Picked(scene, byId("pane"), byId("hidden"), () => app.changed());
+    app.picked = new OptiPlanPicked.Picked(scene, byId("pane"), byId("hidden"), () => app.changed(), () => scene.runs[app.selected] || scene.runs[0]);
   }
 
   function placeTool() {
@@ -313,6 +312,7 @@
     button.addEventListener("click", () => {
       document.body.dataset.panel = button.dataset.panel;
       for (const one of byId("panels").children) one.setAttribute("aria-pressed", String(one === button));
+      app.changed();
     });
   }
   byId("theme").addEventListener("click", toggleTheme);
@@ -336,11 +336,9 @@
     choice.addEventListener("change", () => arrange(choice.value));
     label.append(choice);
     byId("runs").prepend(label);
-    app.arrange = (wanted) => { choice.value = wanted; arrange(wanted); };
-    if (wish.has("arrange")) choice.value = wish.get("arrange");
+    app.arrange = (wanted) => { choice.value = wanted; if (choice.value === wanted) arrange(wanted); }; // an address may say anything
   }
   if (data.runs.length) select(app.selected); else byId("dock").hidden = true;
-  if (app.arrange && wish.has("arrange")) app.arrange(wish.get("arrange"));
   clock.listen(pose);
   let playing = null;
   clock.listen(() => { if (!clock.playing && playing !== clock.time) app.changed(); playing = clock.playing ? null : clock.time; });

@@ -50,6 +50,7 @@ def test_the_robot_follows_a_target_that_is_moved(server, reach):
         if wanted is None:
             wanted = [event["tool"][0], event["tool"][1] + 0.15, event["tool"][2] + 0.05, *event["tool"][3:]]
             assert server.http.post(f"/api/live/{session['id']}/target", json={"pose": wanted}).status_code == 204
+            assert server.http.get(f"/api/live/{session['id']}").json()["target"] == session["target"]  # for who comes
         elif len(seen) > 20 and max(event["error"].values()) < 1e-3:
             server.http.delete(f"/api/live/{session['id']}")
         assert len(seen) < 1000
@@ -58,6 +59,7 @@ def test_the_robot_follows_a_target_that_is_moved(server, reach):
     np.testing.assert_allclose(last["tool"][:3], wanted[:3], atol=1e-3)
     np.testing.assert_allclose(last["target"], wanted, atol=1e-9)
     assert max(one["error"]["position"] for one in seen) > 0.1
+    np.testing.assert_allclose(session["target"], seen[0]["tool"], atol=1e-4)
     assert np.ptp([one["q"] for one in seen], axis=0).max() > 0.05
     times = [one["t"] for one in seen]
     assert times == sorted(times)

@@ -75,7 +75,7 @@ def listed(gone):
     """A list of 80 runs as the server gives it; run 5 has ended once one is gone."""
     about = {"failure": None, "timings": {"plan": 0.1}, "problem": "0" * 64, "robot": "planar2r", "planner": "quintic"}
     about |= {"seed": 0, "budget": 1.0, "deadline": None, "duration": 1.0, "ratio": 1.0}
-    about |= {"started": 1.0, "finished": 2.0}
+    about |= {"started": 1.0, "finished": 2.0, "page": True}
 
     def answer(route):
         asked = {key: float(value[0]) for key, value in parse_qs(urlsplit(route.request.url).query).items()}
@@ -178,7 +178,7 @@ def test_a_comparison_lasts_as_long_as_what_it_shows(page, server):
     places = page.evaluate("optiplan.scene.runs.map((run) => run.figure.position.toArray())")
     shown = [places[k] for k in range(3) if k != longest]
     assert np.abs(np.subtract(*shown)).max() > 0.1
-    assert page.evaluate("optiplan.app.arrangement.scenery.children.length") == 1  # the second has its obstacle, too
+    assert page.evaluate("optiplan.scene.scenery.children.length") == 1  # the second has its obstacle, too
 
 
 @wide

@@ -339,7 +339,7 @@ def test_obstacles_are_added_sized_doubled_and_taken_away(page, server):
     turned = page.locator("#fields .row").nth(3).locator("input").nth(0)
     turned.fill("90")
     turned.press("Enter")
-    page.wait_for_function("optiplanStudio.editor.text().includes('rpy: [1.5708, 0, 0]')")
+    page.wait_for_function("optiplanStudio.editor.text().includes('rpy: [1.5707963, 0, 0]')")
     page.locator("#fields button", has_text="Duplicate").click()
     page.wait_for_function("optiplanStudio.state.chosen === 'cylinder_1_2'")
     page.wait_for_function("optiplanStudio.state.problem.scene.obstacles.length === 9")

@@ -266,7 +266,8 @@ def test_a_deadline_ends_a_run(server):
     run = server.submit(problem=NO_WAY, budget=60.0, deadline=1.0)["id"]
     began = time.monotonic()
     failed = server.ended(run)
-    assert failed["status"] == "failed"
+    assert (failed["status"], failed["page"]) == ("failed", False)
+    assert server.http.get(f"/runs/{run}").status_code == 404
     assert time.monotonic() - began < 30.0  # of the 60 that it had, on a busy machine
 
 
@@ -311,7 +312,8 @@ def test_what_is_kept_under_an_id_is_what_was_answered_with_it(server, problems)
     assert len({run["id"] for run in runs}) == len(runs)
     for run in runs:
         kept = server.http.get(f"/api/runs/{run['id']}").json()
-        assert (kept["status"], kept["duration"]) == (run["status"], run["duration"])
+        assert [kept[key] for key in ("status", "duration", "page")] == [run["status"], run["duration"], True]
+        assert run["page"]
         motion = server.http.get(f"/api/runs/{run['id']}/trajectory.json")
         assert (motion.json() if motion.status_code == 200 else None) == run["trajectory"]
     queued = server.submit(**given)

@@ -135,8 +135,9 @@ const OptiPlanDock = (() => {
     addMultiples() {
       const near = this.quantity === "clearance", specs = [];
       for (const [run, k] of this.app.comparison.order) {
-        if (!this.app.shown[k] || !(near ? clearance(run) : run.curves)) continue;
-        const spec = near ? this.ownClearance(run, k) : { ...this.chosen(run), series: this.chosen(run).series.filter((one) => this.joint === WORST || this.chosen(run).of !== "joints" || one.name === this.joint) };
+        const own = run.curves && this.chosen(run); // not every run has every quantity
+        if (!this.app.shown[k] || !(near ? clearance(run) : own)) continue;
+        const spec = near ? this.ownClearance(run, k) : { ...own, series: own.series.filter((one) => this.joint === WORST || own.of !== "joints" || one.name === this.joint) };
         specs.push({ ...spec, title: run.label, unit: spec.unit, said: "", marks: spec.marks });
       }
       const axes = specs.map((spec) => OptiPlanCurves.range(spec)), end = Math.max(...specs.map((spec) => Math.max(...spec.series.map((one) => one.t[one.t.length - 1]))));
@@ -209,7 +210,8 @@ const OptiPlanDock = (() => {
       if (this.several) return this.overlaySpec(unit);
       const most = unit.series.map((one) => Math.max(0, ...one.extrema.map(([, v]) => Math.abs(shared({ ...one, y: [v], extrema: [] })?.y[0] ?? 0)))).reduce((a, b) => Math.max(a, b), 0);
       const said = `${unit.kind === "sampled" ? SAMPLED : unit.kind}${most ? `; at most ${(100 * most).toPrecision(3)} % of a limit` : ""}${this.run.untimed ? "; at a constant rate: the path was refused before it was timed" : ""}`;
-      return { title: unit.name, unit: unit.unit, series: unit.series, share: this.share, said, bands, onHover: unit.of === "joints" ? (name) => this.app.joint(name) : null };
+      const whose = this.run.curves ? "" : `${this.app.data.runs.find((run) => run.curves).label}: `; // of the only one that has any
+      return { title: whose + unit.name, unit: unit.unit, series: unit.series, share: this.share, said, bands, onHover: unit.of === "joints" ? (name) => this.app.joint(name) : null };
     }
 
     // Whether all runs that are shown have limits of this quantity.

@@ -6,9 +6,9 @@ const OptiPlanPicked = (() => {
   const STILL = 4; // pixels: a pointer that went farther has turned the view
 
   class Picked {
-    // `list`: the element that names what is hidden; `changed()`: what is seen has changed.
-    constructor(scene, pane, list, changed) {
-      Object.assign(this, { scene, pane, list, changed, hidden: new Set(), pins: new Map() });
+    // `list`: the element that names what is hidden; `changed()`: what is seen has changed; `run()`: of the scene, whose bodies bear the names.
+    constructor(scene, pane, list, changed, run) {
+      Object.assign(this, { scene, pane, list, changed, run, hidden: new Set(), pins: new Map() });
       this.card = make("div", "picked");
       this.card.hidden = true;
       pane.parentElement.append(this.card);
@@ -66,7 +66,7 @@ const OptiPlanPicked = (() => {
       this.scene.root.updateMatrixWorld(); // bodies have been moved since the last picture
       for (const [name, label] of this.pins) {
         box.makeEmpty();
-        for (const mesh of this.scene.owned(name, this.scene.runs[0])) if (mesh.visible) box.expandByObject(mesh);
+        for (const mesh of this.scene.owned(name, this.run())) if (mesh.visible) box.expandByObject(mesh);
         label.visible = !box.isEmpty();
         if (label.visible) box.getCenter(label.point);
       }

@@ -7,8 +7,7 @@ const OptiPlanArrangement = (() => {
   class Arrangement {
     // `shown(k)`: whether run k has a place in the grid.
     constructor(scene, shown) {
-      Object.assign(this, { scene, shown, mode: "together", narrow: scene.box.clone(), scenery: new THREE.Group() });
-      scene.layers.obstacle.parent.add(this.scenery);
+      Object.assign(this, { scene, shown, mode: "together", narrow: scene.box.clone() });
     }
 
     // How wide what is drawn of a run is along an axis of the problem's world, m.
@@ -27,7 +26,7 @@ const OptiPlanArrangement = (() => {
 
     // The obstacles once more at each place of the grid but the first, whose they are; runs with obstacles of their own bring them.
     furnish() {
-      this.scenery.clear();
+      this.scene.scenery.clear();
       if (this.mode !== "beside" || this.scene.data.several) return;
       this.scene.runs.forEach((_, k) => {
         const by = this.offset(k);
@@ -36,9 +35,8 @@ const OptiPlanArrangement = (() => {
         stand.position.fromArray(by);
         for (const mesh of this.scene.layers.obstacle.children) if (!mesh.userData.plane) stand.add(mesh.clone());
         for (const mesh of this.scene.runs[0].figure.bodies[0].children) stand.add(mesh.clone());
-        this.scenery.add(stand);
+        this.scene.scenery.add(stand);
       });
-      this.scenery.visible = this.scene.layers.obstacle.visible;
     }
 
     set(mode) {

@@ -8,7 +8,7 @@ const OptiPlanFailure = (() => {
     // `run`: of the scene; `witness`: { points, pair, distance, time, poses } of what was refused.
     constructor(scene, run, witness) {
       Object.assign(this, { scene, run, witness, labels: [], hiding: [], seen: "" });
-      this.point = witness.points.length ? scene.world(mean(witness.points)) : null;
+      this.middle = witness.points.length ? mean(witness.points) : null;
       this.bodies = witness.pair.flatMap((name) => scene.owned(name, run));
       if (witness.poses && !run.data.poses) {
         run.poses = floats(witness.poses); // no motion to show: the robot stands where it failed
@@ -18,6 +18,10 @@ const OptiPlanFailure = (() => {
       this.addMarks();
       this.show(true);
     }
+
+    // A point of the run's own place in the picture: runs may stand side by side.
+    placed(point) { return this.scene.root.localToWorld(new THREE.Vector3(...point).add(this.run.figure.position)); }
+    get point() { return this.middle && this.placed(this.middle); }
 
     addMarks() {
       const { scene, witness } = this, look = new THREE.MeshBasicMaterial({ color: named(RED), depthTest: false, transparent: true, opacity: 0.9 });
@@ -31,9 +35,7 @@ const OptiPlanFailure = (() => {
       if (!this.point) return;
       const deep = witness.distance !== null && witness.distance < 0 ? `overlap ${millimetres(-witness.distance)}` : witness.distance > 0 ? `${millimetres(witness.distance)} apart` : "contact";
       const label = scene.labels.add(`${witness.pair.join(" – ") || "here"}: ${deep}`, "bad");
-      label.point.copy(this.point);
-      label.lift = 46;
-      this.labels.push(label);
+      this.labels.push(Object.assign(label, { lift: 46, spot: this.middle }));
       for (const name of witness.pair) {
         const mesh = scene.owned(name, this.run).find((one) => one.userData.set !== "collision");
         if (!mesh) continue;
@@ -50,8 +52,7 @@ const OptiPlanFailure = (() => {
       line.renderOrder = 5;
       this.run.witness.add(line);
       const label = scene.labels.add(`${millimetres(ends[0].distanceTo(ends[1]))} missing`, "bad");
-      label.point.copy(scene.world(from.map((x, k) => 0.5 * (x + to[k]))));
-      this.labels.push(label);
+      this.labels.push(Object.assign(label, { spot: from.map((x, k) => 0.5 * (x + to[k])) }));
     }
 
     show(on) {
@@ -76,23 +77,25 @@ const OptiPlanFailure = (() => {
       const { scene } = this, solid = [...scene.solid];
       this.run.figure.traverse((o) => { if (o.isMesh && o.visible) solid.push(o); });
       const far = 0.48 * OptiPlanCamera.distance(scene.viewer.camera, scene.box, scene.direction);
-      const target = this.point.clone().lerp(scene.box.getCenter(new THREE.Vector3()), 0.15);
+      const { point } = this, target = point.clone().lerp(scene.box.getCenter(new THREE.Vector3()), 0.15);
       scene.root.updateMatrixWorld(true);
-      OptiPlanCamera.look(scene.viewer, target, OptiPlanCamera.openSide(this.point, far, solid, scene.direction), far);
+      OptiPlanCamera.look(scene.viewer, target, OptiPlanCamera.openSide(point, far, solid, scene.direction), far);
     }
 
     // Makes what stands between the camera and the contact see-through, as the camera moves.
     update() {
-      if (!this.on || !this.point) return;
-      for (const label of this.labels) if (label.body) label.body.localToWorld(label.point.copy(label.middle));
-      const eye = this.scene.viewer.camera.position, seen = eye.toArray().map((x) => x.toFixed(2)).join();
+      if (!this.on) return;
+      for (const label of this.labels) if (label.body) label.body.localToWorld(label.point.copy(label.middle)); else label.point.copy(this.placed(label.spot));
+      const { point } = this, eye = this.scene.viewer.camera.position;
+      if (!point) return;
+      const seen = [...eye.toArray(), ...point.toArray()].map((x) => x.toFixed(2)).join();
       if (seen === this.seen) return;
       this.seen = seen;
       this.clear();
       const solid = this.scene.solid.filter((mesh) => !this.bodies.includes(mesh));
       this.run.figure.traverse((o) => { if (o.isMesh && o.visible && !this.bodies.includes(o)) solid.push(o); });
-      const between = OptiPlanCamera.boxesBetween(eye, this.point, solid, 0.01);
-      this.hiding = [...new Set(OptiPlanCamera.hidden(eye, this.point, between, 0.01).map((hit) => hit.object))];
+      const between = OptiPlanCamera.boxesBetween(eye, point, solid, 0.01);
+      this.hiding = [...new Set(OptiPlanCamera.hidden(eye, point, between, 0.01).map((hit) => hit.object))];
       for (const mesh of this.hiding) this.scene.painter.paint(mesh, { through: true });
     }
   }

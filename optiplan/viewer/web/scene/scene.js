@@ -18,6 +18,8 @@ const OptiPlanScene = (() => {
         this.layers[name] = new THREE.Group();
         this.root.add(this.layers[name]);
       }
+      this.scenery = new THREE.Group(); // the obstacles once more, where runs stand side by side
+      this.root.add(this.scenery);
       this.geometries = data.geometries.map(makeGeometry);
       this.material = palette();
       this.painter = new Painter();
@@ -95,7 +97,7 @@ const OptiPlanScene = (() => {
 
     // Obstacles that move are put where they are at a time, s.
     moveObstacles(t) {
-      for (const mesh of this.layers.obstacle.children)
+      for (const mesh of [this.layers.obstacle, ...this.scenery.children].flatMap((group) => group.children))
         if (mesh.userData.motion) placeInTime(mesh, mesh.userData.from, mesh.userData.motion, t);
     }
 
