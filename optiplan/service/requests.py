@@ -74,8 +74,8 @@ class ProblemRequests:
             return known
         if self._pool.waiting("look") > LOOKING:
             raise busy("too many problems wait to be read", 2.0)
-        about = (await self.ask(request, "check")).data
-        return about if names_files(request) else self._checked.keep(key, about)  # files may change
+        about = dict((await self.ask(request, "check")).data)
+        return self._checked.keep(key, about) if about.pop("lasts") else about  # files may change
 
     async def ask(self, request: Mapping[str, Any], do: str, seconds: float | None = None) -> SolverAnswer:
         """Have a process read, draw or compute something within `seconds`; None: those of the settings.
@@ -102,9 +102,3 @@ def refusal_of(answer: SolverAnswer) -> Refusal:
 def digest_of(value: Any) -> str:
     """Return the SHA-256, in hex, of JSON-ready data."""
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
-
-
-def names_files(request: Mapping[str, Any]) -> bool:
-    """Return whether a problem may read files other than bundled ones."""
-    text = json.dumps(request["problem"])
-    return any(word in text for word in ("file", "urdf", ".yaml", "/"))

@@ -59,10 +59,10 @@ class Tasks:
         pipeline.run(problem, "trajopt", {}, Budget(_WARM_UP), lambda stage, fraction: None)
 
     def check(self, request: Mapping[str, Any], progress: Any) -> Answer:
-        """Read a problem and the planner's options; the answer says what they are."""
+        """Read a problem and the planner's options; the answer says what they are, and whether that `lasts`."""
         problem = self._reader.read(request)
         choice = self._reader.choose(request, problem)
-        return _identity(problem, choice), {}
+        return _identity(problem, choice) | {"lasts": self._reader.keeps(request)}, {}
 
     def plan(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """Plan and prove; the files are those of a run folder. A request that is `early` has its motion sent first."""

@@ -8,6 +8,7 @@ import pytest
 
 import optiplan as op
 from optiplan.problem.load import load_problem
+from optiplan.resources import robots_dir
 from optiplan.service.store.contents import FULL
 from tests.service.conftest import QUICK
 
@@ -182,6 +183,39 @@ def test_meshes_come_from_uploads_and_allowed_folders_alone(server, tmp_path):
     assert "outside the folders" in check(server, MESH.format(file=link)).text
     assert server.http.put("/api/uploads/part/tetra.obj", content=TETRAHEDRON).status_code == 201
     assert check(server, MESH.format(file="part/tetra.obj")).json()["valid"] is True
+
+
+ARM = {"planar2r.urdf": robots_dir() / "planar2r/planar2r.urdf", "robot.yaml": robots_dir() / "planar2r/robot.yaml"}
+TOUR = """\
+version: 1
+robot: panda
+start: {configuration: ready}
+task: [{tour: {targets: %s/holes.csv}}]
+"""
+
+
+@pytest.mark.parametrize(
+    ("files", "problem", "changed"),
+    [
+        ({"holes.csv": b"x,y,z,nx,ny,nz\n0.5,0.1,0.4,0,0,-1\n"}, TOUR, {"holes.csv": (b"0.5", b"0.6")}),
+        (
+            {name: path.read_bytes() for name, path in ARM.items()},
+            QUICK.replace("planar2r", "%s"),
+            {"robot.yaml": (b"velocity: 2.0", b"velocity: 1.0")},
+        ),
+    ],
+    ids=["table", "robot"],
+)
+def test_a_file_that_is_replaced_makes_another_problem(server, files, problem, changed):
+    folder = f"changed-{min(files).partition('.')[0]}"
+    for name, content in files.items():
+        assert server.http.put(f"/api/uploads/{folder}/{name}", content=content).status_code == 201
+    first, again = (check(server, problem % folder).json()["hash"] for _ in range(2))
+    assert first == again
+    for name, (old, new) in changed.items():
+        content = files[name].replace(old, new)
+        assert server.http.put(f"/api/uploads/{folder}/{name}", content=content).status_code == 201
+    assert check(server, problem % folder).json()["hash"] != first
 
 
 def test_errors_show_no_paths_of_the_server(server):
