@@ -73,6 +73,37 @@ def test_contents_go_with_the_last_that_refers_to_them(table, engine, tmp_path):
     assert sweep(contents, table, problems, young=-1.0) == 3
 
 
+NEW = NewRun("1" * 32, "a", "0" * 64, "planar2r", "0" * 64, "quintic", 0, 5.0, None)
+
+
+@pytest.mark.parametrize(
+    ("kind", "contents", "again"),
+    [
+        ("no-path", {"run.json": "2" * 64}, False),
+        ("input", {"run.json": "2" * 64}, False),
+        ("input", {}, True),  # a file of its problem is missing, or was changed
+        ("bug", {"run.json": "2" * 64}, True),
+    ],
+)
+def test_only_what_the_planner_answered_is_the_answer_for_good(table, kind, contents, again):
+    table.submit(NEW, "one")
+    table.begin(NEW.id, "me")
+    table.end(NEW.id, "me", RunEnd("failed", failure={"kind": kind}, contents=contents))
+    record, queued = table.submit(NEW, "two")
+    assert queued == again
+    assert record["status"] == ("queued" if again else "failed")
+
+
+def test_what_is_submitted_while_it_is_cancelled_is_begun_anew(table):
+    table.submit(NEW, "one")
+    table.begin(NEW.id, "me")
+    assert table.cancel(NEW.id, "one") == 0
+    record, queued = table.submit(NEW, "two")
+    assert (record["status"], record["cancel"], queued) == ("queued", False, True)
+    assert not table.end(NEW.id, "me", RunEnd("cancelled")), "it ends the former try alone"
+    assert table.begin(NEW.id, "me")["status"] == "running"
+
+
 def test_a_damaged_content_is_written_anew(tmp_path):
     contents = ContentFolder(tmp_path, 0)
     digest = contents.put(b"whole")

@@ -17,8 +17,8 @@ ENDED: tuple[RunState, ...] = ("done", "failed", "cancelled")
 Record = dict[str, Any]
 """A row of the table of runs."""
 
-RETRIED = ("timeout", "out-of-memory", "crashed", "deadline", "storage")
-"""Failures that are not the planner's answer: the same submission tries again."""
+RETRIED = ("timeout", "out-of-memory", "crashed", "deadline", "storage", "bug")
+"""Failures that are not the planner's answer: the same submission tries again, as where a run has no record."""
 
 AT_ONCE = 500
 """Ids in one query."""
@@ -85,6 +85,7 @@ class RunTable:
             if not _again(dict(known)):
                 return dict(known), False
             connection.execute(submissions.delete().where((submissions.c.run == new.id) & ~mine))  # of the former try
+            # Without a holder: what one that is still at work makes of the former try is nobody's.
             fresh: Record = {"cancel": False, "tries": 0, "bytes": 0, **dict.fromkeys(_OUTCOME)}
             same = (runs.c.id == new.id) & (runs.c.status == known["status"])
             won = connection.execute(runs.update().where(same).values(**fresh, **values)).rowcount
@@ -265,6 +266,7 @@ def _end_event(end: RunEnd) -> Record:
 
 
 def _again(known: Record) -> bool:
-    """Whether the same submission is tried again: what stopped the run was not its planner."""
-    failure = known["failure"] or {}
-    return known["status"] == "cancelled" or (known["status"] == "failed" and failure.get("kind") in RETRIED)
+    """Whether the same submission is tried again: what stopped the run, or is about to, was not its planner."""
+    if known["status"] == "failed":
+        return (known["failure"] or {}).get("kind") in RETRIED or not known["contents"]
+    return known["status"] == "cancelled" or (known["status"] == "running" and bool(known["cancel"]))
