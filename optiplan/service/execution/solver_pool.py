@@ -54,7 +54,8 @@ class SolverAnswer:
     """What a process answered.
 
     Attributes:
-        data: JSON-ready; `error` in it says that the request was wrong, `bug` beside it that we are.
+        data: JSON-ready; `error` in it says that the request was wrong, `bug` beside it that we are, `memory` that it
+            takes too much of it.
         files: contents by name.
         death: why there is no answer: `timeout`, `out-of-memory`, `crashed` or `cancelled`; with `detail`.
     """
@@ -88,6 +89,14 @@ class SolverJob:
     look: float = POLL
     cancel: threading.Event = field(default_factory=threading.Event)
     future: "Future[SolverAnswer]" = field(default_factory=Future)
+
+    def too_late(self) -> SolverAnswer | None:
+        """Return the answer to a job that is not to be begun any more; None where it is."""
+        if self.cancel.is_set():
+            return SolverAnswer(death="cancelled", detail="cancelled before it began")
+        if time.monotonic() >= self.until:
+            return SolverAnswer(death="timeout", detail="its deadline passed before it began")
+        return None
 
 
 class SolverPool:
@@ -195,7 +204,7 @@ class _Slot(threading.Thread):
         answer = SolverAnswer(death="crashed", detail="no process can be started")
         try:
             if (worker := self._ready()) is not None:  # which may have ended since the last look
-                answer = self._carry_out(worker, job)
+                answer = job.too_late() or self._carry_out(worker, job)
         except BaseException as error:
             answer = SolverAnswer(death="crashed", detail=f"internal error: {type(error).__name__}: {error}")
             self._end()  # who knows what it would answer next
@@ -211,31 +220,35 @@ class _Slot(threading.Thread):
             self._end()
         if self._worker is None:
             self.warm = self._at_need
-            self._worker = worker = WorkerProcess(MODULES.get(self._lane, MODULE))
-            began = time.monotonic()
-            while not (worker.pid or worker.gone or self._stop_event.is_set() or time.monotonic() - began > START):
-                worker.greet(POLL)
-                self._seen = time.monotonic()
-            set_up = {
-                "do": "set up",
-                "base": str(self._settings.upload_folder),
-                "folders": [str(folder) for folder in self._settings.readable],
-                "bodies": self._settings.bodies,
-                "memory": self._settings.memory,
-                "nice": NICE[self._lane],
-                "plans": self._lane != "execution",
-            }
-            if worker.pid:
-                self._carry_out(worker, SolverJob(set_up, START))
-            if worker.gone or not worker.pid:
-                self._end()
-                return None
-            self.warm = True
+            self._worker, ready = WorkerProcess(MODULES.get(self._lane, MODULE)), False
+            try:
+                ready = self._set_up(self._worker)
+            finally:
+                if not ready:
+                    self._end()
+            self.warm = ready or self._at_need
         return self._worker
 
+    def _set_up(self, worker: WorkerProcess) -> bool:
+        """Wait for a new process and have it load what its jobs need; return whether it is ready."""
+        began = time.monotonic()
+        while not (worker.pid or worker.gone or self._stop_event.is_set() or time.monotonic() - began > START):
+            worker.greet(POLL)
+            self._seen = time.monotonic()
+        set_up = {
+            "do": "set up",
+            "base": str(self._settings.upload_folder),
+            "folders": [str(folder) for folder in self._settings.readable],
+            "bodies": self._settings.bodies,
+            "memory": self._settings.memory,
+            "nice": NICE[self._lane],
+            "plans": self._lane != "execution",
+        }
+        if worker.pid:
+            self._carry_out(worker, SolverJob(set_up, START))
+        return bool(worker.pid) and not worker.gone
+
     def _carry_out(self, worker: WorkerProcess, job: SolverJob) -> SolverAnswer:
-        if job.cancel.is_set():
-            return SolverAnswer(death="cancelled", detail="cancelled before it began")
         worker.begin(job.request)
         deadline, looked = min(time.monotonic() + job.wall, job.until), time.monotonic()
         while True:

@@ -226,6 +226,9 @@ def test_a_folder_belongs_to_one_database(tmp_path):
         (["--driver", "arm=sim:patience=9"], "driver.patience"),
         (["--database", "mysql://x/y"], "cannot be used"),
         (["--log-level", "loud"], "choose from"),
+        (["--memory", "inf"], "--memory"),
+        (["--keep-gb", "nan"], "--keep-gb"),
+        (["--database", "postgresql://user:secret@host:port/name"], "user:***@host:port/name"),
     ],
 )
 def test_a_server_that_cannot_start_says_why(arguments, word, tmp_path, capsys):
