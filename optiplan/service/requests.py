@@ -10,7 +10,7 @@ from typing import Any
 from optiplan.cache import MostRecent
 from optiplan.runs.run_folder import TRAJECTORY
 from optiplan.service.archive import Archive
-from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob, SolverPool
+from optiplan.service.execution.solver_pool import Lane, SolverAnswer, SolverJob, SolverPool
 from optiplan.service.models import ProblemInput, Submission
 from optiplan.service.refusals import Refusal, busy, not_found
 from optiplan.service.settings import ServiceSettings
@@ -77,14 +77,16 @@ class ProblemRequests:
         about = dict((await self.ask(request, "check")).data)
         return self._checked.keep(key, about) if about.pop("lasts") else about  # files may change
 
-    async def ask(self, request: Mapping[str, Any], do: str, seconds: float | None = None) -> SolverAnswer:
+    async def ask(
+        self, request: Mapping[str, Any], do: str, seconds: float | None = None, lane: Lane = "look"
+    ) -> SolverAnswer:
         """Have a process read, draw or compute something within `seconds`; None: those of the settings.
 
         Raises:
             Refusal: the request is wrong, or takes too long or too much memory.
         """
         job = SolverJob({**request, "do": do}, seconds or self._settings.reading)
-        answer = await asyncio.wrap_future(self._pool.submit("look", job))
+        answer = await asyncio.wrap_future(self._pool.submit(lane, job))
         if answer.death in ("timeout", "out-of-memory"):
             raise Refusal(422, f"the problem cannot be read: {answer.detail}")
         if answer.death is not None:

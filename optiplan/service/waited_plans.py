@@ -143,8 +143,9 @@ class WaitedPlans:
 
                 def write() -> None:
                     self._archive.contents.check_room()
-                    digest = self._archive.contents.put(json.dumps(request).encode())
-                    self._archive.runs.add_ended(replace(new, request=digest), self._solver.ended(end), began)
+                    content = json.dumps(request).encode()
+                    kept = replace(new, request=self._archive.contents.put(content), bytes=len(content))
+                    self._archive.runs.add_ended(kept, self._solver.ended(end), began)
 
                 if end.death is None:
                     await self._until_written(write)

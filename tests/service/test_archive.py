@@ -61,6 +61,7 @@ def test_contents_go_with_the_last_that_refers_to_them(table, engine, tmp_path):
     add(table, engine, "one", contents={"run.json": shared, "trajectory.json": own}, request=request)
     add(table, engine, "two", contents={"run.json": shared}, request=request)
     problems.add("1" * 64, "kept", "panda", stored)
+    problems.add("1" * 64, "kept", "panda", stored)
     assert sweep(contents, table, problems) == 0, "what is young may belong to a run that is being recorded"
     assert sweep(contents, table, problems, young=-1.0) == 1
     assert contents.get(lost) is None
@@ -71,6 +72,15 @@ def test_contents_go_with_the_last_that_refers_to_them(table, engine, tmp_path):
     table.delete("two")
     problems.delete("1" * 64)
     assert sweep(contents, table, problems, young=-1.0) == 3
+
+
+def test_the_request_counts_among_the_bytes_of_a_run(table):
+    table.submit(replace(NEW, bytes=300), "one")
+    table.begin(NEW.id, "me")
+    table.end(NEW.id, "me", RunEnd("done", True, bytes=40))
+    assert table.get(NEW.id)["bytes"] == 340
+    table.add_ended(replace(NEW, id="2" * 32, bytes=5), RunEnd("done", True, bytes=2), time.time())
+    assert table.get("2" * 32)["bytes"] == 7
 
 
 NEW = NewRun("1" * 32, "a", "0" * 64, "planar2r", "0" * 64, "quintic", 0, 5.0, None)

@@ -33,16 +33,16 @@ SPOILT_BY = 0.75
 
 _log = logging.getLogger("optiplan.service")
 
-Lane = Literal["queue", "plan", "look", "live", "execution"]
-"""Who waits: the queue; who wants a plan; who wants a problem read or drawn; a live view; a motion to be executed."""
+Lane = Literal["queue", "plan", "look", "report", "live", "execution"]
+"""Who waits: the queue; who wants a plan; a problem read or drawn; the report of a bench; a live view; an execution."""
 
-NICE: dict[Lane, int] = {"queue": 5, "plan": 0, "look": 1, "live": 0, "execution": 0}
+NICE: dict[Lane, int] = {"queue": 5, "plan": 0, "look": 1, "report": 2, "live": 0, "execution": 0}
 """How far processes step back: the server itself, then callers who wait, come before the queue."""
 
-AT_NEED: tuple[Lane, ...] = ("live", "execution")
+AT_NEED: tuple[Lane, ...] = ("report", "live", "execution")
 """Lanes whose processes are started for the first job."""
 
-ONE_JOB: tuple[Lane, ...] = ("live",)
+ONE_JOB: tuple[Lane, ...] = ("report", "live")
 """Lanes whose processes end with their job."""
 
 MODULES: dict[Lane, str] = {"execution": "optiplan.service.execution.executing_solver"}
@@ -242,7 +242,7 @@ class _Slot(threading.Thread):
             "bodies": self._settings.bodies,
             "memory": self._settings.memory,
             "nice": NICE[self._lane],
-            "plans": self._lane != "execution",
+            "plans": self._lane not in ("report", "execution"),
         }
         if worker.pid:
             self._carry_out(worker, SolverJob(set_up, START))
@@ -252,7 +252,7 @@ class _Slot(threading.Thread):
         worker.begin(job.request)
         deadline, looked = min(time.monotonic() + job.wall, job.until), time.monotonic()
         while True:
-            while not job.said.empty():
+            while not job.said.empty() and worker.hears():
                 worker.say(job.said.get_nowait())
             message = worker.message(job.look)
             if message is not None and message["phase"] == "answered":

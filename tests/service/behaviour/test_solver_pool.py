@@ -13,8 +13,8 @@ from optiplan.service.health import HealthCheck, WriteProbe, serve_health
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.store.contents import ContentFolder
 from optiplan.service.store.tables import open_database
-from tests.service.conftest import QUICK
-from tests.waiting import PATIENCE
+from tests.service.conftest import NO_WAY, QUICK
+from tests.waiting import PATIENCE, wait_until
 
 AWAY = sa.exc.OperationalError("INSERT", {}, sqlite3.OperationalError("disk I/O error"))
 """As a database raises it that goes away."""
@@ -48,6 +48,16 @@ def test_words_that_come_too_late_are_no_request(pool):
         answer = pool.submit("queue", job).result(PATIENCE)
         assert answer.death is None
         assert answer.data["verified"]
+
+
+def test_a_process_that_reads_no_words_is_ended_all_the_same(pool):
+    job = plan(request={"problem": NO_WAY, "budget": 60.0})
+    for _ in range(2000):  # more than the line to it holds
+        job.said.put({"do": "x" * 1000})
+    done = pool.submit("queue", job)
+    wait_until(lambda: job.said.qsize() < 2000)
+    job.cancel.set()
+    assert done.result(PATIENCE / 2).death == "cancelled"
 
 
 def test_a_slot_survives_who_listens(pool):
