@@ -105,12 +105,10 @@ class ProblemReader:
 
     def _count(self, document: Document) -> None:
         scene = document.data.get("scene")
-        for key in ("obstacles", "attached"):
-            held = scene.get(key) if isinstance(scene, dict) else None
-            if isinstance(held, list) and len(held) > self._bodies:
-                raise InputError(
-                    [document.issue(("scene", key), f"{len(held)} bodies", f"at most {self._bodies} on this server")]
-                )
+        held = [scene.get(key) for key in ("obstacles", "attached")] if isinstance(scene, dict) else []
+        count = sum(len(bodies) for bodies in held if isinstance(bodies, list))
+        if count > self._bodies:
+            raise InputError([document.issue(("scene",), f"{count} bodies", f"at most {self._bodies} on this server")])
 
 
 def files_changed(request: Mapping[str, Any], problem: Problem) -> bool:

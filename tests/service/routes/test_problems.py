@@ -263,6 +263,8 @@ def test_a_full_disk_is_said_and_nothing_is_corrupted(server, monkeypatch):
     before = server.http.get("/api/runs?limit=500").json()["counts"]
     with monkeypatch.context() as patch:
         patch.setattr("optiplan.service.store.contents.write_bytes", full)
+        patch.setattr("optiplan.service.store.uploads.write_bytes", full)
+        assert server.http.put("/api/uploads/full.obj", content=TETRAHEDRON).status_code == 507
         for path in ("/api/runs", "/api/problems"):
             answer = server.http.post(
                 path,
@@ -300,7 +302,9 @@ def test_a_disk_that_fills_while_a_run_is_solved_fails_that_run_alone(server, mo
 
 
 def test_little_room_is_said_before_anything_is_taken_on(server, monkeypatch):
+    known = server.ended(server.submit(seed=40)["id"])
     monkeypatch.setattr(server.service.archive.contents, "spare", 10**18)
+    assert server.submit(seed=40) | {"submission": ""} == known | {"submission": ""}, "nothing has to be kept for it"
     assert server.http.post("/api/runs", json={"problem": QUICK, "seed": 44}).status_code == 507
 
 
@@ -317,7 +321,9 @@ def test_what_there_is_to_choose_from(server):
     assert server.http.get("/api/robots/nobody").status_code == 404
     assert "trajopt" in [planner["name"] for planner in server.http.get("/api/planners").json()]
     assert "properties" in server.http.get("/api/schema").json()
-    assert "01_reach" in server.http.get("/api/examples").json()
+    examples = server.http.get("/api/examples").json()
+    assert "01_reach" in examples
+    assert not {"46_window_frame_spots", "47_floor_pan_spots"} & examples.keys(), "they need tables"
     metrics = server.http.get("/metrics").text
     assert 'optiplan_requests_total{method="GET",status="200"}' in metrics
     assert json.dumps(server.http.get("/openapi.json").json())

@@ -368,3 +368,16 @@ def test_who_waits_says_how_many_samples_and_the_stored_file_has_all(server, rat
     assert len(stored["t"]) / answer["duration"] > 190
     assert server.http.post("/api/plan", json={**given, "rate": -1}).status_code == 422
     assert server.http.post("/api/runs", json={**given, "rate": 5}).status_code == 422
+
+
+def test_a_bug_is_told_as_data(server, monkeypatch):
+    def broken(*_):
+        raise ZeroDivisionError("secret")
+
+    monkeypatch.setattr(server.service.archive.runs, "newest", broken)
+    answer = server.http.get("/api/runs")
+    assert answer.status_code == 500
+    assert answer.json()["issues"] == []
+    assert "X-Request-Id" in answer.json()["error"]
+    assert "secret" not in answer.text
+    assert answer.headers["X-Request-Id"]
