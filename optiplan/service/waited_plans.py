@@ -103,14 +103,7 @@ class WaitedPlans:
 
         A job that no process has begun when its time is over is not waited for any longer.
         """
-        loop = asyncio.get_running_loop()
-        early: asyncio.Future[SolverAnswer] = loop.create_future()
-
-        def answered(answer: SolverAnswer) -> None:
-            loop.call_soon_threadsafe(early.set_result, answer)
-
-        job.answered = answered
-        whole = asyncio.wrap_future(self._pool.submit("plan", job))
+        early, whole = self._pool.submit_early("plan", job)
         while True:
             wait = min(LOOK, max(POLL, job.until - time.monotonic()))
             await asyncio.wait([early, whole], timeout=wait, return_when=asyncio.FIRST_COMPLETED)

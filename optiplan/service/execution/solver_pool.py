@@ -1,5 +1,6 @@
 """Warm solver processes, a thread each: jobs in, futures out; a process over a limit of time or memory is killed."""
 
+import asyncio
 import logging
 import math
 import queue
@@ -118,6 +119,19 @@ class SolverPool:
         """Have a job done by the next free process of a lane."""
         self._jobs[lane].put(job)
         return job.future
+
+    def submit_early(
+        self, lane: Lane, job: SolverJob
+    ) -> "tuple[asyncio.Future[SolverAnswer], asyncio.Future[SolverAnswer]]":
+        """Have a job done, in an event loop; return what its caller waits for, and the whole answer, which is later."""
+        loop = asyncio.get_running_loop()
+        early: asyncio.Future[SolverAnswer] = loop.create_future()
+
+        def answered(answer: SolverAnswer) -> None:
+            loop.call_soon_threadsafe(early.set_result, answer)
+
+        job.answered = answered
+        return early, asyncio.wrap_future(self.submit(lane, job))
 
     @property
     def ready(self) -> bool:
@@ -308,7 +322,8 @@ def _answer_of(message: Mapping[str, Any]) -> SolverAnswer:
     for name, size in message["sizes"].items():
         files[name] = whole[at : at + size]
         at += size
-    return SolverAnswer({key: value for key, value in message.items() if key not in _TRANSPORT}, files)
+    return SolverAnswer({key: value for key, value in message.items() if key not in TRANSPORT}, files)
 
 
-_TRANSPORT = ("phase", "sizes", "blob", "content", "spoilt")
+TRANSPORT = ("phase", "sizes", "blob", "content", "spoilt")
+"""Keys of a message that are not its content."""

@@ -262,6 +262,12 @@ def test_a_queued_run_is_cancelled_at_once(server):
     assert server.ended(long)["status"] == "cancelled"
 
 
+def test_a_deadline_passes_also_while_no_process_is_free(server, monkeypatch):
+    monkeypatch.setattr(server.service.pool, "submit", lambda lane, job: job.future)
+    answer = server.http.post("/api/plan", json={"problem": QUICK, "deadline": 0.2})
+    assert (answer.status_code, answer.json()["error"]) == (504, "deadline")
+
+
 def test_a_deadline_ends_a_run(server):
     run = server.submit(problem=NO_WAY, budget=60.0, deadline=1.0)["id"]
     began = time.monotonic()
