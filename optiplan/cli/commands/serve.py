@@ -65,6 +65,12 @@ def _finite(value: float) -> float:
 
 
 Memory = Annotated[float, typer.Option(min=300.0, callback=_finite, metavar="MB", help="memory limit of a process")]
+KeepDays = Annotated[
+    float, typer.Option(min=0.0, callback=_finite, metavar="DAYS", help="runs and unused uploads are kept")
+]
+KeepGb = Annotated[
+    float, typer.Option(min=0.0, callback=_finite, metavar="GB", help="disk space for runs; the oldest are deleted")
+]
 UploadsGb = Annotated[
     float,
     typer.Option(
@@ -100,12 +106,8 @@ def serve(
     driver: Drivers = None,
     queue: Annotated[int, typer.Option(min=1, metavar="N", help="queued runs at most")] = 1000,
     memory: Memory = 2000.0,
-    keep_days: Annotated[
-        float, typer.Option(min=0.0, callback=_finite, metavar="DAYS", help="runs and unused uploads are kept")
-    ] = 30.0,
-    keep_gb: Annotated[
-        float, typer.Option(min=0.0, callback=_finite, metavar="GB", help="disk space for runs; the oldest are deleted")
-    ] = 10.0,
+    keep_days: KeepDays = 30.0,
+    keep_gb: KeepGb = 10.0,
     uploads_gb: UploadsGb = 1.0,
     upload_files: Annotated[int, typer.Option(min=0, metavar="N", help="uploaded files at most")] = 10_000,
     meshcat_port: MeshcatPort = None,
