@@ -28,6 +28,8 @@ from optiplan.runs.batches.workers import in_processes, is_dask_client, on_clust
 
 RATE = 50
 """Hz of the samples, when none is given."""
+MOST_RATE = 10_000
+"""Hz; more samples of thousands of episodes are more than a memory holds."""
 
 LEROBOT = "lerobot"
 """Folder of the data sets within that of the batch."""
@@ -71,7 +73,7 @@ def plan_batch(  # noqa: PLR0913  # what a caller may say of a batch
 
     Each episode is a row of `out/episodes/part-*.parquet`: state, verdict with every check, the motion in pieces, and
     samples. An episode is planned once: a later call leaves out those whose file has not changed. A file that cannot
-    be used, or that kills its worker, is a row as well and ends no other.
+    be used, or that kills its worker, is a row as well and ends no other; a later call tries it again.
 
     Args:
         problems: a folder, whose `*.yaml` are taken at any depth, or files.
@@ -108,7 +110,9 @@ def plan_batch(  # noqa: PLR0913  # what a caller may say of a batch
         raise wrong_argument("plan_batch", "planner", described(planner), "the name of a planner, or `module:Class`")
     if seeds is not None:
         whole_argument("plan_batch", "seeds", seeds, 1, "a whole number >= 1")
-    whole_argument("plan_batch", "rate", rate, 1, "a whole number of Hz >= 1")
+    whole_argument("plan_batch", "rate", rate, 1, hertz := f"a whole number of Hz from 1 to {MOST_RATE}")
+    if rate > MOST_RATE:
+        raise wrong_argument("plan_batch", "rate", described(rate), hertz)
     flag_argument("plan_batch", "lerobot", lerobot)
     if workers is not None and not is_dask_client(workers):
         expected = "a whole number >= 1, or a Dask client (distributed.Client)"

@@ -11,12 +11,13 @@ from pydantic import Field
 
 import optiplan as op
 from optiplan.config.document import parse_yaml
-from optiplan.errors import InputError, Issue, OptiPlanError
+from optiplan.errors import InputError, Issue, OptiPlanError, path_argument
 from optiplan.planners.registry import PLANNERS
 from optiplan.problem.from_data import read_problem
 from optiplan.problem.problem import Problem
 from optiplan.problem.schema.problem import problem_schema
 from optiplan.runs.run import Run
+from optiplan.runs.run_folder import check_folder
 from optiplan.verify.report import jsonable
 
 MOST_BUDGET = 120.0
@@ -76,6 +77,11 @@ def plan(
     out: Annotated[str | None, Field(description="folder to keep the run in, for `optiplan view`")] = None,
 ) -> str:
     """Plan a motion and prove it: duration, s, every check of the proof, and the motion sampled if asked for."""
+    try:
+        if out is not None:  # before anything is planned
+            check_folder(path_argument("plan", "out", out, "the path of a folder"))
+    except InputError as error:
+        return _refused(error)
     run = _planned(problem, budget, planner)
     if isinstance(run, str):
         return run
@@ -86,8 +92,11 @@ def plan(
         rows = run.trajectory.sampled(np.linspace(0.0, duration, count))
         told["motion"] = {"joint_names": list(run.trajectory.joint_names), "t": rows["t"], "q": rows["q"]}
     if out is not None:
-        run.save(Path(out))
-        told["folder"] = out
+        try:
+            run.save(out)
+            told["folder"] = out
+        except InputError as error:  # costs the folder, not the run
+            told["issues"] = [vars(issue) for issue in error.issues]
     return _answer(told)
 
 
@@ -172,7 +181,11 @@ def _planned(text: str, budget: float, planner: str | None) -> Run | str:
     try:
         return op.plan(_problem(text, planner), planner, budget=budget)
     except InputError as error:
-        return _answer({"verified": False, "issues": [vars(issue) for issue in error.issues]})
+        return _refused(error)
+
+
+def _refused(error: InputError) -> str:
+    return _answer({"verified": False, "issues": [vars(issue) for issue in error.issues]})
 
 
 def _told(run: Run) -> dict[str, Any]:

@@ -71,6 +71,7 @@ def make_application(service: PlannerService) -> ASGIApp:
     app.add_exception_handler(sa.exc.TimeoutError, _database)
     app.add_exception_handler(RequestValidationError, _invalid)
     app.add_exception_handler(HTTPException, _http)
+    app.add_exception_handler(Exception, _bug)
     return Gate(YamlBodies(app), settings, app.state.metrics)
 
 
@@ -109,6 +110,11 @@ def _refused(request: Request, error: Any) -> Response:
 
 def _wrong(request: Request, error: Any) -> Response:
     return _refused(request, Refusal(422, str(error), [vars(issue) for issue in getattr(error, "issues", ())]))
+
+
+def _bug(request: Request, error: Any) -> Response:
+    """Tell of a bug, which the gate logs under the id that it gives to the answer."""
+    return _refused(request, Refusal(500, "internal error; the log has it under the X-Request-Id of this answer"))
 
 
 def _full(request: Request, error: Any) -> Response:

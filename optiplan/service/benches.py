@@ -7,11 +7,11 @@ from typing import Any
 from optiplan.service.archive import Archive, has_page
 from optiplan.service.execution.run_queue import RunQueue
 from optiplan.service.models import BenchPlannerInput, BenchRequest, ProblemInput, Submission
-from optiplan.service.queued_plans import QueuedPlans
+from optiplan.service.queued_plans import QueuedPlans, check_budget, new_run
 from optiplan.service.refusals import Refusal, busy, not_found
 from optiplan.service.requests import ProblemRequests, digest_of
 from optiplan.service.settings import ServiceSettings
-from optiplan.service.store.run_table import ENDED, Record
+from optiplan.service.store.run_table import ENDED, Record, tried_again
 
 MOST = 2000
 """Runs of one bench."""
@@ -45,19 +45,20 @@ class Benches:
         for what, names in (("problem", [str(one["name"]) for one in checked]), ("planner", labels)):
             if twice := {name for name in names if names.count(name) > 1}:
                 raise Refusal(422, f"found the {what} '{min(twice)}' twice; expected names of their own")
-        await self._check_room(len(problems) * len(labels) * len(given.seeds))
-        asked = [
-            (str(about["name"]), planner.shown, Submission(**_submission(one, planner, given), seed=seed))
-            for one, about in zip(problems, checked, strict=True)
-            for planner in given.planners
-            for seed in given.seeds
-        ]
-        for *_, submission in asked[:: len(given.seeds)]:  # before any is queued
-            await self._requests.check(submission)
-        name, runs = digest_of(given.model_dump())[:32], []
-        for problem, label, submission in asked:
-            record = await self._queued.submit(submission, name)
-            runs.append([problem, label, submission.seed, record["id"]])
+        if (count := len(problems) * len(labels) * len(given.seeds)) > MOST:
+            raise Refusal(422, f"found {count} runs; expected at most {MOST} in one bench")
+        asked: list[Submission] = []
+        runs: list[list[Any]] = []
+        for one in problems:
+            for planner in given.planners:
+                mine = [Submission(**_submission(one, planner, given), seed=seed) for seed in given.seeds]
+                check_budget(mine[0], self._settings)
+                about = await self._requests.check(mine[0])  # before any is queued
+                for submission in mine:
+                    run = new_run(submission, {**about, "seed": submission.seed}, "")
+                    runs.append([run.name, planner.shown, run.seed, run.id])
+                asked += mine
+        await self._check_room([run for *_, run in runs])
         bench = digest_of([given.name, runs])[:32]
         content = {
             "budget": given.budget,
@@ -65,9 +66,11 @@ class Benches:
             "problems": [{"name": about["name"], "hash": about["hash"]} for about in checked],
             "planners": [vars(planner) | {"label": planner.shown} for planner in given.planners],
             "runs": runs,
-            "submission": name,
+            "submission": bench,
         }
         await self._archive.write(lambda: self._archive.benches.add(bench, given.name, content))
+        for submission in asked:  # where one is refused, asking again goes on from there
+            await self._queued.submit(submission, bench)
         return await self.one(bench)
 
     async def one(self, bench: str) -> Record:
@@ -127,7 +130,7 @@ class Benches:
         if not shown:
             raise Refusal(404, f"no run of the bench '{bench}' has ended with an answer")
         asked = {"suite": {"name": row["name"], **content}, "runs": shown}
-        answer = await self._requests.ask(asked, "bench_report", DRAWING)
+        answer = await self._requests.ask(asked, "bench_report", DRAWING, "report")
         return answer.files["report.html"]
 
     async def _row(self, bench: str) -> Record:
@@ -136,12 +139,17 @@ class Benches:
             raise not_found("bench", bench)
         return row
 
-    async def _check_room(self, count: int) -> None:
-        if count > MOST:
-            raise Refusal(422, f"found {count} runs; expected at most {MOST} in one bench")
+    async def _check_room(self, runs: Sequence[str]) -> None:
+        """Refuse a bench of which more runs are new than may wait."""
+        known = await self._archive.read(lambda: self._archive.runs.of_ids(runs))
+        new, most = sum(run not in known or tried_again(known[run]) for run in runs), self._settings.queue
+        if new > most:
+            raise Refusal(
+                422, f"found {new} new runs; expected at most {most}, which is all that may wait here (--queue)"
+            )
         waiting = await self._archive.read(self._archive.runs.waiting)
-        if waiting + count > self._settings.queue:
-            raise busy(f"{waiting} runs are queued; {count} more are too many for this server", 60.0)
+        if waiting + new > most:
+            raise busy(f"{waiting} runs are queued; {new} more are too many for this server", 60.0)
 
 
 def _submission(problem: ProblemInput, planner: BenchPlannerInput, bench: BenchRequest) -> Record:

@@ -395,6 +395,8 @@ def _request(given: Mapping[str, Any]) -> dict[str, Any]:
     if start and "joints" not in start:
         raise ValueError("joints: found nothing; expected those at which the robot has these velocities, accelerations")
     asked: dict[str, Any] = {name: given[name][0] for name in ("budget", "rate", "deadline") if name in given}
+    if asked.get("rate") == 0.0:
+        raise ValueError("rate: found 0; expected points a second above 0")
     pose, joints = given.get("target"), given.get("joint_target")
     if pose is not None and (joints is not None or len(pose) != 7):
         found = f"{len(pose)} numbers" if joints is None else "a joint_target beside it"

@@ -5,14 +5,25 @@ import re
 import time
 import uuid
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import httpx
 
 from optiplan.api.loading import load_problem
-from optiplan.api.planning import BUDGET
-from optiplan.errors import InputError, Issue, OptiPlanError, described, wrong_argument
+from optiplan.api.planning import BUDGET, positive_seconds
+from optiplan.arrays import number_argument
+from optiplan.config.document import plain
+from optiplan.errors import (
+    InputError,
+    Issue,
+    OptiPlanError,
+    described,
+    options_argument,
+    seed_argument,
+    wrong_argument,
+)
 from optiplan.files import read_bytes
 from optiplan.problem.hashing import shape_files_of
 from optiplan.problem.problem import Problem
@@ -20,6 +31,7 @@ from optiplan.runs.run import Run
 from optiplan.runs.run_folder import RUN, TRAJECTORY
 from optiplan.runs.stored_runs import run_of_record
 from optiplan.service.cell import EXECUTIONS, RESUME, RETRY, RemoteExecution, server_events
+from optiplan.service.cell import PATIENCE as PROVING
 from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -88,12 +100,14 @@ class Client:
         Raises:
             InputError: the problem or an argument is wrong.
             ServerError: there is no server, it refuses, or the answer is of another problem.
+
+        A motion whose record cannot be had, as where the server's disk is full, is returned without what stands there.
         """
         asked = _problem(problem)
         given = self._submission(asked, planner, options, budget, seed, deadline)
         given |= {"warm_start": warm_start, "rate": 0}
-        answer = self._sent("POST", "/api/plan", given, (deadline or budget) + PATIENCE)
-        return self._run(asked, answer)
+        answer = self._sent("POST", "/api/plan", given, (given["deadline"] or given["budget"]) + PATIENCE)
+        return self._run(asked, answer, waited=True)
 
     def submit(
         self,
@@ -192,9 +206,10 @@ class Client:
             >>> robot.override(0.3)["phase"]  # doctest: +SKIP
             'changing'
         """
-        asked = {**self._motion_of(run), "driver": driver, "budget": budget, **options}
-        about = self._sent("POST", EXECUTIONS, asked, budget + PATIENCE)
-        return RemoteExecution(self._http, self._sent, self._motion_of, about)
+        seconds = positive_seconds("Client.execute", budget)
+        asked = {**self._motion_of(run), "driver": driver, "budget": seconds, **_json("options", plain(options))}
+        about = self._sent("POST", EXECUTIONS, asked, seconds + PATIENCE)
+        return RemoteExecution(self._http, partial(self._sent, seconds=PROVING), self._motion_of, about)
 
     def _motion_of(self, run: Run | str | Problem | Path | Mapping[str, Any]) -> dict[str, Any]:
         """A run, its id, or a problem, as the server takes it."""
@@ -267,13 +282,18 @@ class Client:
         seed: int | None,
         deadline: float | None,
     ) -> dict[str, Any]:
+        options_argument("Client", options)
         given = {
             "problem": self._data(problem),
             "planner": planner,
-            "options": None if options is None else dict(options),
+            "options": None if options is None else _json("options", plain(options)),
+            "budget": positive_seconds("Client", budget),
+            "seed": problem.seed if seed is None else seed_argument("Client", seed),
         }
-        seed = problem.seed if seed is None else seed
-        return given | {"budget": budget, "seed": seed, "deadline": deadline}
+        if deadline is not None:
+            expected = "a number of seconds above 0, or None"
+            deadline = number_argument("Client", "deadline", deadline, expected, above=0.0)
+        return given | {"deadline": deadline}
 
     def _data(self, problem: Problem) -> dict[str, Any]:
         """A problem as data; its meshes are uploaded."""
@@ -294,20 +314,27 @@ class Client:
         self._send("PUT", f"/api/uploads/{name}", content=content)
         return name
 
-    def _run(self, problem: Problem | None, answer: Mapping[str, Any]) -> Run:
+    def _run(self, problem: Problem | None, answer: Mapping[str, Any], waited: bool = False) -> Run:
         if problem is not None and answer["problem"] != problem.hash:
             raise ServerError(409, "the server planned another problem: its robot or meshes differ from those here")
+        record: Mapping[str, Any] = {}
         try:
             record = self._sent("GET", f"/api/runs/{answer['id']}/{RUN}")
         except ServerError as error:
             failure = answer["failure"]
+            if waited:  # what was waited for is at hand
+                return self._proved(problem, answer, record)
             if failure is None or error.status != 404:
                 raise
             raise ServerError(500, f"the run {answer['id']} failed: {failure['kind']}: {failure['detail']}") from None
+        return self._proved(problem, answer, record)
+
+    def _proved(self, problem: Problem | None, answer: Mapping[str, Any], record: Mapping[str, Any]) -> Run:
+        """The run of an answer and its record, which may be empty; its motion is verified."""
         data = answer["trajectory"]
         motion = None if data is None else Trajectory.from_dict(data)
         given = None if data is None else GivenFiles.of(data, record, TRAJECTORY)
-        return run_of_record(record, motion, problem, given)
+        return run_of_record(record or answer, motion, problem, given)
 
     def _send(self, method: str, path: str, **given: Any) -> httpx.Response:
         try:
@@ -331,6 +358,14 @@ class _OurData(dict[str, Any]):
 
 def _not_ours(url: str) -> ServerError:
     return ServerError(0, f"what answers at {url} is no `optiplan serve`, or one of another version")
+
+
+def _json(argument: str, value: Any) -> Any:
+    """A value as it comes out of JSON; an `InputError` says where it is none."""
+    try:
+        return json.loads(json.dumps(value, allow_nan=False))
+    except (TypeError, ValueError) as error:
+        raise wrong_argument("Client", argument, str(error), "finite numbers, texts, lists and mappings") from None
 
 
 def _problem(given: Any) -> Problem:

@@ -122,6 +122,8 @@ class ObstaclesInput(BaseModel):
         for name, pose in self.poses.items():
             if sum(x * x for x in pose[3:]) < 1e-12:
                 raise ValueError(f"found a quaternion of zeros for '{name}'; expected one of length 1")
+        if lost := sorted(self.velocities.keys() - self.poses.keys()):
+            raise ValueError(f"found a velocity of '{lost[0]}' without a pose; expected both")
         return self
 
 

@@ -47,8 +47,8 @@ class PlannerService:
         """
         self.settings, self.archive = settings, Archive(settings)
         archive = self.archive
-        callers: dict[Lane, int] = {"plan": settings.interactive, "look": 1, "live": settings.live} if serving else {}
-        callers |= {"execution": len(settings.drivers)} if serving else {}
+        callers: dict[Lane, int] = {"plan": settings.interactive, "look": 1, "report": 1} if serving else {}
+        callers |= {"live": settings.live, "execution": len(settings.drivers)} if serving else {}
         self.pool = SolverPool(settings, {**callers, "queue": settings.solvers})
         events = EventWriter(archive.runs)
         solver = RunSolver(settings, events, archive.contents, self.pool)

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import optiplan
@@ -11,7 +12,7 @@ from optiplan.service.models import Submission
 from optiplan.service.refusals import Refusal, busy
 from optiplan.service.requests import ProblemRequests, digest_of
 from optiplan.service.settings import ServiceSettings
-from optiplan.service.store.run_table import NewRun, Record
+from optiplan.service.store.run_table import ENDED, NewRun, Record, tried_again
 
 
 class QueuedPlans:
@@ -38,15 +39,16 @@ class QueuedPlans:
 
     def _submit(self, submission: Submission, name: str, about: Mapping[str, Any], request: Record) -> Record:
         contents, runs = self._archive.contents, self._archive.runs
-        contents.check_room()
-        known = runs.get(new_run(submission, about, "").id)
-        if known is not None and known["status"] == "done":
+        new = new_run(submission, about, "")
+        known = runs.get(new.id)
+        if known is not None and known["status"] in ENDED and not tried_again(known):
             return known
+        contents.check_room()
         waits = known is not None and known["status"] in ("queued", "running")
         if not waits and (waiting := runs.waiting()) >= self._settings.queue:
             raise busy(f"{waiting} runs are queued, which is all that this server takes", min(60.0, 0.1 * waiting))
-        new = new_run(submission, about, contents.put(json.dumps(request).encode()))
-        record, fresh = runs.submit(new, name)
+        content = json.dumps(request).encode()
+        record, fresh = runs.submit(replace(new, request=contents.put(content), bytes=len(content)), name)
         if fresh:
             self._queue.wake()
         return record

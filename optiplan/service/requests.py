@@ -10,7 +10,7 @@ from typing import Any
 from optiplan.cache import MostRecent
 from optiplan.runs.run_folder import TRAJECTORY
 from optiplan.service.archive import Archive
-from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob, SolverPool
+from optiplan.service.execution.solver_pool import Lane, SolverAnswer, SolverJob, SolverPool
 from optiplan.service.models import ProblemInput, Submission
 from optiplan.service.refusals import Refusal, busy, not_found
 from optiplan.service.settings import ServiceSettings
@@ -74,17 +74,19 @@ class ProblemRequests:
             return known
         if self._pool.waiting("look") > LOOKING:
             raise busy("too many problems wait to be read", 2.0)
-        about = (await self.ask(request, "check")).data
-        return about if names_files(request) else self._checked.keep(key, about)  # files may change
+        about = dict((await self.ask(request, "check")).data)
+        return self._checked.keep(key, about) if about.pop("lasts") else about  # files may change
 
-    async def ask(self, request: Mapping[str, Any], do: str, seconds: float | None = None) -> SolverAnswer:
+    async def ask(
+        self, request: Mapping[str, Any], do: str, seconds: float | None = None, lane: Lane = "look"
+    ) -> SolverAnswer:
         """Have a process read, draw or compute something within `seconds`; None: those of the settings.
 
         Raises:
             Refusal: the request is wrong, or takes too long or too much memory.
         """
         job = SolverJob({**request, "do": do}, seconds or self._settings.reading)
-        answer = await asyncio.wrap_future(self._pool.submit("look", job))
+        answer = await asyncio.wrap_future(self._pool.submit(lane, job))
         if answer.death in ("timeout", "out-of-memory"):
             raise Refusal(422, f"the problem cannot be read: {answer.detail}")
         if answer.death is not None:
@@ -102,9 +104,3 @@ def refusal_of(answer: SolverAnswer) -> Refusal:
 def digest_of(value: Any) -> str:
     """Return the SHA-256, in hex, of JSON-ready data."""
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
-
-
-def names_files(request: Mapping[str, Any]) -> bool:
-    """Return whether a problem may read files other than bundled ones."""
-    text = json.dumps(request["problem"])
-    return any(word in text for word in ("file", "urdf", ".yaml", "/"))

@@ -1,11 +1,13 @@
 """Settings of the service: where it listens, what it keeps, and how much it takes on."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from sqlalchemy import make_url
+from sqlalchemy.exc import ArgumentError
 
 from optiplan.errors import InputError, Issue
 from optiplan.files import user_folder
@@ -124,8 +126,9 @@ class ServiceSettings:
             if url.startswith(scheme):
                 url = "postgresql+psycopg://" + url.removeprefix(scheme)
         if self.database_password:
-            named = make_url(url).set(password=self.database_password)
-            url = named.render_as_string(hide_password=False)
+            with suppress(ValueError, ArgumentError):  # who opens it tells what is wrong with it
+                named = make_url(url).set(password=self.database_password)
+                url = named.render_as_string(hide_password=False)
         return url
 
     @property

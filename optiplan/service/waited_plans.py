@@ -16,7 +16,7 @@ from optiplan.runs.run_folder import RUN, TRAJECTORY
 from optiplan.service.archive import Archive
 from optiplan.service.execution.event_writer import AWAY, RETRY
 from optiplan.service.execution.run_solver import GRACE, LEAD, RunSolver
-from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob, SolverPool
+from optiplan.service.execution.solver_pool import POLL, SolverAnswer, SolverJob, SolverPool
 from optiplan.service.models import PlanRequest
 from optiplan.service.queued_plans import check_budget, new_run
 from optiplan.service.refusals import Refusal, busy
@@ -28,6 +28,8 @@ _log = logging.getLogger("optiplan.service")
 
 WAITING = 8
 """Callers per interactive process that may wait for it."""
+LOOK = 0.25
+"""s between two looks whether the caller has gone."""
 
 
 @dataclass(frozen=True)
@@ -98,19 +100,19 @@ class WaitedPlans:
     async def _answer(
         self, job: SolverJob, gone: Callable[[], Any]
     ) -> tuple[SolverAnswer, "asyncio.Future[SolverAnswer]"]:
-        """What a process answers as soon as the caller can use it, and the whole of it, which comes later."""
-        loop = asyncio.get_running_loop()
-        early: asyncio.Future[SolverAnswer] = loop.create_future()
+        """What a process answers as soon as the caller can use it, and the whole of it, which comes later.
 
-        def answered(answer: SolverAnswer) -> None:
-            loop.call_soon_threadsafe(early.set_result, answer)
-
-        job.answered = answered
-        whole = asyncio.wrap_future(self._pool.submit("plan", job))
+        A job that no process has begun when its time is over is not waited for any longer.
+        """
+        early, whole = self._pool.submit_early("plan", job)
         while True:
-            await asyncio.wait([early, whole], timeout=0.25, return_when=asyncio.FIRST_COMPLETED)
+            wait = min(LOOK, max(POLL, job.until - time.monotonic()))
+            await asyncio.wait([early, whole], timeout=wait, return_when=asyncio.FIRST_COMPLETED)
             if early.done() or whole.done():
                 return (early if early.done() else whole).result(), whole
+            if not job.future.running() and (late := job.too_late()) is not None:
+                job.cancel.set()
+                return late, whole
             if await gone():
                 job.cancel.set()
 
@@ -135,11 +137,14 @@ class WaitedPlans:
 
                 def write() -> None:
                     self._archive.contents.check_room()
-                    digest = self._archive.contents.put(json.dumps(request).encode())
-                    self._archive.runs.add_ended(replace(new, request=digest), self._solver.ended(end), began)
+                    content = json.dumps(request).encode()
+                    kept = replace(new, request=self._archive.contents.put(content), bytes=len(content))
+                    self._archive.runs.add_ended(kept, self._solver.ended(end), began)
 
                 if end.death is None:
                     await self._until_written(write)
+                else:
+                    _log.warning("run %s is not kept: %s: %s", new.id, end.death, end.detail)
             except (OptiPlanError, SQLAlchemyError, OSError) as error:  # costs the record, not the answer
                 _log.warning("run %s is not kept: %s", new.id, error)
             finally:

@@ -86,7 +86,7 @@ def test_again_it_plans_only_what_is_new_or_changed(tmp_path):
     (root / "a/one.yaml").unlink()
     assert op.plan_batch(root, out, workers=1).made == 3
     again = op.plan_batch(root, out, workers=1)
-    assert (again.made, again.kept) == (0, 3)
+    assert (again.made, again.kept) == (1, 2), "what was wrong with a file may be elsewhere, and gone"
     folder_of_problems(root)
     (root / "bad.yaml").write_text(PROBLEM.replace("GOAL", "0.6"))
     more = op.plan_batch(root, out, workers=1)
@@ -96,6 +96,16 @@ def test_again_it_plans_only_what_is_new_or_changed(tmp_path):
     less = op.plan_batch(root, out, workers=1, lerobot=True)
     assert (less.made, less.kept, dict(less.counts)) == (1, 2, {"verified": 3})
     assert json.loads((less.data_sets[0] / "meta" / "info.json").read_text())["total_episodes"] == 3
+
+
+def test_an_exception_nobody_expects_is_a_row(problems, monkeypatch):
+    def broken(*_, **__):
+        raise ZeroDivisionError("one by zero")
+
+    monkeypatch.setattr("optiplan.runs.batches.episode.load_problem", broken)
+    row = planned_episode(request(problems, "quintic"))
+    assert row.state == "crashed"
+    assert "a/one.yaml: ZeroDivisionError: one by zero" in row.detail
 
 
 def test_what_was_made_before_an_interruption_is_kept(problems, tmp_path):
@@ -186,6 +196,7 @@ def test_what_a_cluster_loses_is_no_row(problems):
         ({"problems": "/nowhere"}, "/nowhere: problems: no folder"),
         ({"seeds": 0}, "op.plan_batch: seeds: found the int 0"),
         ({"rate": 0.5}, "op.plan_batch: rate: found the float 0.5"),
+        ({"rate": 10**9}, "a whole number of Hz from 1 to 10000"),
         ({"workers": "all"}, "op.plan_batch: workers: found the str 'all'"),
     ],
 )

@@ -21,6 +21,7 @@ def answers(tmp_path_factory) -> dict:
         "good": ("check_problem", {"problem": QUICK}),
         "bad": ("check_problem", {"problem": QUICK.replace("planar2r", "planar3r")}),
         "plan": ("plan", {"problem": QUICK, "samples": 10, "out": str(folder)}),
+        "nowhere": ("plan", {"problem": QUICK, "out": ""}),
         "example": ("plan", {"problem": "19_lspb"}),
         "wrong": ("plan", {"problem": "robot: panda\n"}),
         "code": ("plan", {"problem": QUICK, "planner": "os:system"}),
@@ -55,6 +56,7 @@ def test_problems_are_checked_and_planned(answers):
     assert answers["plan"]["verified"] is True
     assert answers["plan"]["motion"]["q"][-1] == pytest.approx([-0.5, 1.2])
     assert (answers["folder"] / "run.json").exists()
+    assert answers["nowhere"]["issues"][0]["field"] == "out"
     assert answers["example"]["verified"] is True
     assert answers["wrong"]["verified"] is False
     assert any(issue["field"] == "version" for issue in answers["wrong"]["issues"])

@@ -61,6 +61,7 @@ def test_contents_go_with_the_last_that_refers_to_them(table, engine, tmp_path):
     add(table, engine, "one", contents={"run.json": shared, "trajectory.json": own}, request=request)
     add(table, engine, "two", contents={"run.json": shared}, request=request)
     problems.add("1" * 64, "kept", "panda", stored)
+    problems.add("1" * 64, "kept", "panda", stored)
     assert sweep(contents, table, problems) == 0, "what is young may belong to a run that is being recorded"
     assert sweep(contents, table, problems, young=-1.0) == 1
     assert contents.get(lost) is None
@@ -71,6 +72,46 @@ def test_contents_go_with_the_last_that_refers_to_them(table, engine, tmp_path):
     table.delete("two")
     problems.delete("1" * 64)
     assert sweep(contents, table, problems, young=-1.0) == 3
+
+
+def test_the_request_counts_among_the_bytes_of_a_run(table):
+    table.submit(replace(NEW, bytes=300), "one")
+    table.begin(NEW.id, "me")
+    table.end(NEW.id, "me", RunEnd("done", True, bytes=40))
+    assert table.get(NEW.id)["bytes"] == 340
+    table.add_ended(replace(NEW, id="2" * 32, bytes=5), RunEnd("done", True, bytes=2), time.time())
+    assert table.get("2" * 32)["bytes"] == 7
+
+
+NEW = NewRun("1" * 32, "a", "0" * 64, "planar2r", "0" * 64, "quintic", 0, 5.0, None)
+
+
+@pytest.mark.parametrize(
+    ("kind", "contents", "again"),
+    [
+        ("no-path", {"run.json": "2" * 64}, False),
+        ("input", {"run.json": "2" * 64}, False),
+        ("input", {}, True),  # a file of its problem is missing, or was changed
+        ("bug", {"run.json": "2" * 64}, True),
+    ],
+)
+def test_only_what_the_planner_answered_is_the_answer_for_good(table, kind, contents, again):
+    table.submit(NEW, "one")
+    table.begin(NEW.id, "me")
+    table.end(NEW.id, "me", RunEnd("failed", failure={"kind": kind}, contents=contents))
+    record, queued = table.submit(NEW, "two")
+    assert queued == again
+    assert record["status"] == ("queued" if again else "failed")
+
+
+def test_what_is_submitted_while_it_is_cancelled_is_begun_anew(table):
+    table.submit(NEW, "one")
+    table.begin(NEW.id, "me")
+    assert table.cancel(NEW.id, "one") == 0
+    record, queued = table.submit(NEW, "two")
+    assert (record["status"], record["cancel"], queued) == ("queued", False, True)
+    assert not table.end(NEW.id, "me", RunEnd("cancelled")), "it ends the former try alone"
+    assert table.begin(NEW.id, "me")["status"] == "running"
 
 
 def test_a_damaged_content_is_written_anew(tmp_path):

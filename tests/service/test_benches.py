@@ -83,6 +83,8 @@ def test_a_bench_is_cancelled_and_forgotten_but_not_its_runs(server):
         "budget": 30.0,
     }
     bench = server.http.post("/api/benches", json=given).json()
+    same = server.http.post("/api/benches", json=given | {"planners": [{"name": "rrtconnect", "label": "rrtconnect"}]})
+    assert same.json()["id"] == bench["id"]
     assert server.http.post(f"/api/benches/{bench['id']}/cancel").status_code == 200
     found = finished(server, bench["id"])
     assert found["counts"]["cancelled"] >= 9
@@ -130,11 +132,19 @@ def test_more_than_may_wait_is_refused_before_any_is_queued(server, monkeypatch)
     given = {"problems": [QUICK], "planners": ["quintic"], "seeds": [901, 902, 903, 904]}
     assert server.http.post("/api/benches", json=given).status_code == 422
     monkeypatch.setattr("optiplan.service.benches.MOST", 2000)
-    object.__setattr__(server.service.settings, "queue", 3)
-    try:
+    with monkeypatch.context() as patch:
+        patch.setattr(server.service.archive.runs, "waiting", lambda: 998)
         answer = server.http.post("/api/benches", json=given)
-    finally:
-        object.__setattr__(server.service.settings, "queue", 1000)
     assert answer.status_code == 429
     assert "Retry-After" in answer.headers
+    finished(server, server.http.post("/api/benches", json=given | {"seeds": [901, 902]}).json()["id"])
+    before = server.http.get("/api/runs?limit=1").json()["counts"]
+    object.__setattr__(server.service.settings, "queue", 1)
+    try:
+        answer = server.http.post("/api/benches", json=given)
+        assert server.http.post("/api/benches", json=given | {"seeds": [901, 902]}).status_code == 202, "they are there"
+    finally:
+        object.__setattr__(server.service.settings, "queue", 1000)
+    assert answer.status_code == 422
+    assert "2 new runs; expected at most 1" in answer.text
     assert server.http.get("/api/runs?limit=1").json()["counts"] == before

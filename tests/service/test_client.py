@@ -12,9 +12,12 @@ import optiplan as op
 from optiplan.cli.main import run as command
 from optiplan.service.cell import EXECUTIONS, CellError, CellPlanner
 from optiplan.service.client import ServerError
+from optiplan.service.store.contents import StorageFullError
 from tests.service.conftest import NO_WAY, QUICK
 from tests.service.routes.test_problems import MESH, TETRAHEDRON
 from tests.waiting import wait_until
+
+NAN = float("nan")
 
 
 @pytest.fixture
@@ -38,6 +41,39 @@ def test_a_plan_of_a_server_is_a_run(client, quick):
     assert np.array_equal(there.trajectory([0.1, 0.2]), here.trajectory([0.1, 0.2]))
     assert there.metrics is not None
     assert set(there.timings) >= {"plan", "verify"}
+
+
+def test_a_motion_whose_record_cannot_be_kept_is_a_run_all_the_same(client, quick, server, monkeypatch):
+    def full():
+        raise StorageFullError("the disk is full")
+
+    monkeypatch.setattr(server.service.archive.contents, "check_room", full)
+    run = client.plan(quick, seed=55)
+    assert run.verified
+    assert (run.planner, run.problem.seed) == ("quintic", 55)
+
+
+@pytest.mark.parametrize(
+    ("given", "word"),
+    [
+        ({"budget": "5"}, "budget: found the str '5'"),
+        ({"budget": NAN}, "budget: found the float nan"),
+        ({"deadline": -1.0}, "deadline: found the float -1.0"),
+        ({"seed": 1.5}, "seed: found the float 1.5"),
+        ({"options": 5}, "options: found the int 5"),
+        ({"options": {"degree": NAN}}, "options: found Out of range"),
+        ({"options": {"degree": object()}}, "options: found Object of type object"),
+    ],
+)
+def test_arguments_that_no_server_can_take_are_told(client, quick, given, word):
+    for ask in (client.plan, client.submit):
+        with pytest.raises(op.InputError) as raised:
+            ask(quick, **given)
+        assert word in str(raised.value)
+
+
+def test_numbers_of_numpy_are_numbers(client, quick):
+    assert client.plan(quick, "rrtconnect", {"attempts": np.int64(50)}, np.float64(5), np.int64(3)).verified
 
 
 def test_submit_watch_and_fetch(client, quick):
@@ -142,9 +178,6 @@ def test_a_cell_that_reaches_nobody_is_told(server, quick):
         assert cell.plan([0.4, 1.0]).status == "unreachable"
 
 
-NAN = float("nan")
-
-
 @pytest.mark.parametrize(
     ("given", "word"),
     [
@@ -162,6 +195,7 @@ NAN = float("nan")
         ({"budget": -1.0}, "budget"),
         ({"deadline": NAN}, "deadline"),
         ({"rate": 10**400}, "rate"),
+        ({"rate": 0}, "rate: found 0"),
         ({"planner": object()}, "object"),
         ({"warm_start": "x"}, "warm_start"),
     ],

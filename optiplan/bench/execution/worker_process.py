@@ -2,6 +2,7 @@
 
 import json
 import os
+import select
 import signal
 import socket
 import subprocess
@@ -87,6 +88,12 @@ class WorkerProcess:
         self._drain()
         self._tail = b""
         self._send(task)
+
+    def hears(self) -> bool:
+        """Return whether words can be sent: the line of a process that reads none gets full, and we would wait."""
+        line = select.poll()
+        line.register(self._connection.fileno(), select.POLLOUT)
+        return bool(line.poll(0))
 
     def say(self, words: Mapping[str, Any]) -> None:
         """Send words, JSON-ready, to a task that listens while it runs, as `said`: it may have ended by now."""

@@ -1,5 +1,6 @@
 """`optiplan serve` and `optiplan worker`: the planner as a service."""
 
+import math
 import os
 import re
 from ipaddress import ip_network
@@ -55,9 +56,26 @@ RootPath = Annotated[
     str,
     typer.Option(metavar="PATH", help="where a proxy has put this server, such as /optiplan"),
 ]
-Memory = Annotated[float, typer.Option(min=300.0, metavar="MB", help="memory limit of a process")]
+
+
+def _finite(value: float) -> float:
+    if not math.isfinite(value):
+        raise typer.BadParameter(f"found {value}; expected a finite number")
+    return value
+
+
+Memory = Annotated[float, typer.Option(min=300.0, callback=_finite, metavar="MB", help="memory limit of a process")]
+KeepDays = Annotated[
+    float, typer.Option(min=0.0, callback=_finite, metavar="DAYS", help="runs and unused uploads are kept")
+]
+KeepGb = Annotated[
+    float, typer.Option(min=0.0, callback=_finite, metavar="GB", help="disk space for runs; the oldest are deleted")
+]
 UploadsGb = Annotated[
-    float, typer.Option(min=0.0, metavar="GB", help="disk space for uploads; the longest unused are deleted")
+    float,
+    typer.Option(
+        min=0.0, callback=_finite, metavar="GB", help="disk space for uploads; the longest unused are deleted"
+    ),
 ]
 MeshcatPort = Annotated[
     int | None,
@@ -88,10 +106,8 @@ def serve(
     driver: Drivers = None,
     queue: Annotated[int, typer.Option(min=1, metavar="N", help="queued runs at most")] = 1000,
     memory: Memory = 2000.0,
-    keep_days: Annotated[float, typer.Option(min=0.0, metavar="DAYS", help="runs and unused uploads are kept")] = 30.0,
-    keep_gb: Annotated[
-        float, typer.Option(min=0.0, metavar="GB", help="disk space for runs; the oldest are deleted")
-    ] = 10.0,
+    keep_days: KeepDays = 30.0,
+    keep_gb: KeepGb = 10.0,
     uploads_gb: UploadsGb = 1.0,
     upload_files: Annotated[int, typer.Option(min=0, metavar="N", help="uploaded files at most")] = 10_000,
     meshcat_port: MeshcatPort = None,

@@ -20,7 +20,9 @@ from optiplan.verify.report import jsonable
 
 VERIFIED, UNVERIFIED, NO_PLAN, BAD_INPUT, CRASHED = "verified", "unverified", "no-plan", "bad-input", "crashed"
 STATES = (VERIFIED, UNVERIFIED, NO_PLAN, BAD_INPUT, CRASHED)
-"""What became of an episode; `crashed`: its worker process died twice, the second time alone."""
+"""What became of an episode; `crashed`: an unexpected exception, or a worker that died twice, the second time alone."""
+ANSWERS = (VERIFIED, UNVERIFIED, NO_PLAN)
+"""What an episode is planned once for; causes of the others may be gone by the next call."""
 
 
 @dataclass(frozen=True)
@@ -110,11 +112,13 @@ def planned_episode(request: EpisodeRequest) -> Episode:
         problem = load_problem(path) if request.seed is None else load_problem(path, seed=request.seed)
         name, options = chosen(problem, request.planner, request.options)
         run = plan_and_verify_once(problem, name, options, Budget(request.seconds), silent, by=answer)
+        return Episode(**start, **_content(run, request.rate), task=task)
     except InputError as error:
         return Episode(**start, state=BAD_INPUT, detail=str(error), task=task)
     except OptiPlanError as error:
         return Episode(**start, state=BAD_INPUT, detail=f"{path}: {error}", task=task)
-    return Episode(**start, **_content(run, request.rate), task=task)
+    except Exception as error:  # ends no other
+        return Episode(**start, state=CRASHED, detail=f"{path}: {type(error).__name__}: {error}", task=task)
 
 
 def _content(run: Run, rate: float) -> dict[str, Any]:

@@ -24,7 +24,7 @@ import numpy as np
 
 from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.files import lock, read_bytes, replacing, write_text
-from optiplan.runs.batches.episode import Episode
+from optiplan.runs.batches.episode import ANSWERS, Episode
 
 SETTINGS, EPISODES, LOCK = "batch.json", "episodes", "lock"
 
@@ -113,12 +113,13 @@ class BatchStore:
         self._buffer.clear()
 
     def done(self) -> dict[Key, str]:
-        """The digest of the file of every row that is written."""
+        """The digest of the file of every row that is written, and whose state is one of `ANSWERS`."""
         found: dict[Key, str] = {}
         for part in self.parts():
-            table = self._pq.read_table(part, columns=["file", "wanted_seed", "file_digest"]).to_pydict()
-            keys = zip(table["file"], table["wanted_seed"], strict=True)
-            found |= dict(zip(keys, table["file_digest"], strict=True))
+            table = self._pq.read_table(part, columns=["file", "wanted_seed", "file_digest", "state"]).to_pydict()
+            for file, seed, digest, state in zip(*table.values(), strict=True):
+                found.pop((file, seed), None)
+                found |= {(file, seed): digest} if state in ANSWERS else {}
         return found
 
     def states(self) -> Counter[str]:

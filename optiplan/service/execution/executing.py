@@ -72,7 +72,8 @@ class Executing:
         self._poses = Poses(run.problem)
         self._obstacles: dict[str, list[float]] = {}
         self._replies: queue.SimpleQueue[Message] = queue.SimpleQueue()
-        self._lease, self._alive = request["lease"], time.monotonic()
+        self._lease: float | None = request["lease"]
+        self._alive = time.monotonic()
         self._asked = ""  # why the robot was asked to stop
 
     @property
@@ -125,6 +126,7 @@ class Executing:
         asked_to_end, told = threading.Event(), -STREAM
         signal.signal(signal.SIGTERM, lambda *_: asked_to_end.set())
         channel.answered(self.about, {})
+        self._alive = time.monotonic()  # nobody can renew a lease before
         while not self._execution.over:
             for message in channel.heard(LISTEN):
                 self._answer(message)

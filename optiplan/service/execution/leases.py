@@ -79,8 +79,10 @@ class _FileLease:
             return True
         try:
             handle = os.open(self._folder / name, os.O_RDWR)
-        except OSError:
+        except FileNotFoundError:
             return False
+        except OSError:  # as where this process has too many files open: that tells nothing of the other one
+            return True
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:

@@ -15,7 +15,6 @@ from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.files import reading
 from optiplan.planners.registry import PLANNERS, make_planner
 from optiplan.problem.from_data import read_problem
-from optiplan.problem.hashing import shape_files_of
 from optiplan.problem.problem import Problem
 from optiplan.resources import robots_dir
 from optiplan.robot.robot import robot_names
@@ -49,25 +48,24 @@ class ProblemReader:
 
     def __init__(self, base: Path, folders: list[Path], bodies: int) -> None:
         self._base, self.folders, self._bodies = base, [*folders, robots_dir()], bodies
-        self._names = set(robot_names())
-        self._robots = RobotCache(KEPT_ROBOTS, self._names)  # whose files do not change
+        self._bundled = robots_dir().resolve()  # whose files do not change
+        self._robots = RobotCache(KEPT_ROBOTS, set(robot_names()))
         self._problems: MostRecent[Problem] = MostRecent(KEPT)
         self._documents: MostRecent[Document] = MostRecent(KEPT)
 
     def read(self, request: Mapping[str, Any]) -> Problem:
         """The problem of a request: `problem` as text or data, `name` where it has none, `start` and `goal` instead.
 
-        Problems whose files may change are not kept.
+        Problems of which a file was read that may change are not kept.
 
         Raises:
             InputError: everything that is wrong with it.
         """
-        asked = [request["problem"], request.get("name"), request.get("start"), request.get("goal")]
-        key = hashlib.sha256(json.dumps(asked).encode("utf-8", "surrogatepass")).hexdigest()
-        problem = self._problems.find(key) or self._load(request)
-        if _name(problem) in self._names and not any(shape_files_of(problem.source)):
-            self._problems.keep(key, problem)
-        return problem
+        return self._problems.find(_key(request)) or self._load(request)
+
+    def keeps(self, request: Mapping[str, Any]) -> bool:
+        """Return whether a problem that was just read is kept: no file of it may change."""
+        return self._problems.find(_key(request)) is not None
 
     def choose(self, request: Mapping[str, Any], problem: Problem) -> PlannerChoice:
         """The planner that is asked for, which is made on trial.
@@ -101,16 +99,16 @@ class ProblemReader:
         with reading(self.folders) as files:
             problem = Problem.of(read_problem(document, self._base, self._robots))
         mark_used(self._base, files)
+        if all(file.is_relative_to(self._bundled) for file in files):
+            self._problems.keep(_key(request), problem)
         return problem
 
     def _count(self, document: Document) -> None:
         scene = document.data.get("scene")
-        for key in ("obstacles", "attached"):
-            held = scene.get(key) if isinstance(scene, dict) else None
-            if isinstance(held, list) and len(held) > self._bodies:
-                raise InputError(
-                    [document.issue(("scene", key), f"{len(held)} bodies", f"at most {self._bodies} on this server")]
-                )
+        held = [scene.get(key) for key in ("obstacles", "attached")] if isinstance(scene, dict) else []
+        count = sum(len(bodies) for bodies in held if isinstance(bodies, list))
+        if count > self._bodies:
+            raise InputError([document.issue(("scene",), f"{count} bodies", f"at most {self._bodies} on this server")])
 
 
 def files_changed(request: Mapping[str, Any], problem: Problem) -> bool:
@@ -118,7 +116,7 @@ def files_changed(request: Mapping[str, Any], problem: Problem) -> bool:
     return request.get("hash") not in (None, problem.hash)
 
 
-def _name(problem: Problem) -> str:
-    """What the problem calls its robot; empty where it describes it."""
-    stated = problem.source["robot"]
-    return stated if isinstance(stated, str) else ""
+def _key(request: Mapping[str, Any]) -> str:
+    """What the problem of a request is kept under."""
+    asked = [request["problem"], request.get("name"), request.get("start"), request.get("goal")]
+    return hashlib.sha256(json.dumps(asked).encode("utf-8", "surrogatepass")).hexdigest()

@@ -162,7 +162,8 @@ class RunQueue:
         """Record an end; one that the database refuses for good is recorded as a failure."""
         what = f"end of run {run}"
         try:
-            until_written(lambda: self._runs.end(run, self._lease.name, end), self._stop, what)
+            if not until_written(lambda: self._runs.end(run, self._lease.name, end), self._stop, what):
+                _log.warning("%s is nobody's: it was submitted anew, or taken from this process", what)
         except AWAY:
             raise
         except Exception as error:

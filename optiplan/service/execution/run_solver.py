@@ -63,7 +63,7 @@ class RunSolver:
             return failed("deadline" if late and answer.death == "timeout" else answer.death, answer.detail)
         data = answer.data
         if "error" in data:
-            return failed("bug" if "bug" in data else "input", data["error"])
+            return failed("bug" if "bug" in data else "out-of-memory" if "memory" in data else "input", data["error"])
         try:
             contents = {name: self._contents.put(content) for name, content in answer.files.items()}
         except (StorageFullError, OSError) as error:

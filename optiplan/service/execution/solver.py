@@ -102,7 +102,7 @@ def _answer(tasks: Any, request: Mapping[str, Any], progress: "Progress") -> tup
     except OptiPlanError as error:
         return {"error": tasks.hide_paths(str(error)), "issues": []}, {}
     except MemoryError:
-        return {"error": "it takes more memory than this server allows", "issues": []}, {}
+        return {"error": "it takes more memory than this server allows", "issues": [], "memory": True}, {}
     except BaseException as error:
         text = "".join(traceback.format_exception(error, limit=-8))
         shown = tasks.hide_paths(f"internal error: {type(error).__name__}: {error}")

@@ -1,5 +1,6 @@
 """Warm solver processes, a thread each: jobs in, futures out; a process over a limit of time or memory is killed."""
 
+import asyncio
 import logging
 import math
 import queue
@@ -33,16 +34,16 @@ SPOILT_BY = 0.75
 
 _log = logging.getLogger("optiplan.service")
 
-Lane = Literal["queue", "plan", "look", "live", "execution"]
-"""Who waits: the queue; who wants a plan; who wants a problem read or drawn; a live view; a motion to be executed."""
+Lane = Literal["queue", "plan", "look", "report", "live", "execution"]
+"""Who waits: the queue; who wants a plan; a problem read or drawn; the report of a bench; a live view; an execution."""
 
-NICE: dict[Lane, int] = {"queue": 5, "plan": 0, "look": 1, "live": 0, "execution": 0}
+NICE: dict[Lane, int] = {"queue": 5, "plan": 0, "look": 1, "report": 2, "live": 0, "execution": 0}
 """How far processes step back: the server itself, then callers who wait, come before the queue."""
 
-AT_NEED: tuple[Lane, ...] = ("live", "execution")
+AT_NEED: tuple[Lane, ...] = ("report", "live", "execution")
 """Lanes whose processes are started for the first job."""
 
-ONE_JOB: tuple[Lane, ...] = ("live",)
+ONE_JOB: tuple[Lane, ...] = ("report", "live")
 """Lanes whose processes end with their job."""
 
 MODULES: dict[Lane, str] = {"execution": "optiplan.service.execution.executing_solver"}
@@ -54,7 +55,8 @@ class SolverAnswer:
     """What a process answered.
 
     Attributes:
-        data: JSON-ready; `error` in it says that the request was wrong, `bug` beside it that we are.
+        data: JSON-ready; `error` in it says that the request was wrong, `bug` beside it that we are, `memory` that it
+            takes too much of it.
         files: contents by name.
         death: why there is no answer: `timeout`, `out-of-memory`, `crashed` or `cancelled`; with `detail`.
     """
@@ -89,6 +91,14 @@ class SolverJob:
     cancel: threading.Event = field(default_factory=threading.Event)
     future: "Future[SolverAnswer]" = field(default_factory=Future)
 
+    def too_late(self) -> SolverAnswer | None:
+        """Return the answer to a job that is not to be begun any more; None where it is."""
+        if self.cancel.is_set():
+            return SolverAnswer(death="cancelled", detail="cancelled before it began")
+        if time.monotonic() >= self.until:
+            return SolverAnswer(death="timeout", detail="its deadline passed before it began")
+        return None
+
 
 class SolverPool:
     """Processes by lane, ready before they are needed."""
@@ -109,6 +119,19 @@ class SolverPool:
         """Have a job done by the next free process of a lane."""
         self._jobs[lane].put(job)
         return job.future
+
+    def submit_early(
+        self, lane: Lane, job: SolverJob
+    ) -> "tuple[asyncio.Future[SolverAnswer], asyncio.Future[SolverAnswer]]":
+        """Have a job done, in an event loop; return what its caller waits for, and the whole answer, which is later."""
+        loop = asyncio.get_running_loop()
+        early: asyncio.Future[SolverAnswer] = loop.create_future()
+
+        def answered(answer: SolverAnswer) -> None:
+            loop.call_soon_threadsafe(early.set_result, answer)
+
+        job.answered = answered
+        return early, asyncio.wrap_future(self.submit(lane, job))
 
     @property
     def ready(self) -> bool:
@@ -195,7 +218,7 @@ class _Slot(threading.Thread):
         answer = SolverAnswer(death="crashed", detail="no process can be started")
         try:
             if (worker := self._ready()) is not None:  # which may have ended since the last look
-                answer = self._carry_out(worker, job)
+                answer = job.too_late() or self._carry_out(worker, job)
         except BaseException as error:
             answer = SolverAnswer(death="crashed", detail=f"internal error: {type(error).__name__}: {error}")
             self._end()  # who knows what it would answer next
@@ -211,35 +234,39 @@ class _Slot(threading.Thread):
             self._end()
         if self._worker is None:
             self.warm = self._at_need
-            self._worker = worker = WorkerProcess(MODULES.get(self._lane, MODULE))
-            began = time.monotonic()
-            while not (worker.pid or worker.gone or self._stop_event.is_set() or time.monotonic() - began > START):
-                worker.greet(POLL)
-                self._seen = time.monotonic()
-            set_up = {
-                "do": "set up",
-                "base": str(self._settings.upload_folder),
-                "folders": [str(folder) for folder in self._settings.readable],
-                "bodies": self._settings.bodies,
-                "memory": self._settings.memory,
-                "nice": NICE[self._lane],
-                "plans": self._lane != "execution",
-            }
-            if worker.pid:
-                self._carry_out(worker, SolverJob(set_up, START))
-            if worker.gone or not worker.pid:
-                self._end()
-                return None
-            self.warm = True
+            self._worker, ready = WorkerProcess(MODULES.get(self._lane, MODULE)), False
+            try:
+                ready = self._set_up(self._worker)
+            finally:
+                if not ready:
+                    self._end()
+            self.warm = ready or self._at_need
         return self._worker
 
+    def _set_up(self, worker: WorkerProcess) -> bool:
+        """Wait for a new process and have it load what its jobs need; return whether it is ready."""
+        began = time.monotonic()
+        while not (worker.pid or worker.gone or self._stop_event.is_set() or time.monotonic() - began > START):
+            worker.greet(POLL)
+            self._seen = time.monotonic()
+        set_up = {
+            "do": "set up",
+            "base": str(self._settings.upload_folder),
+            "folders": [str(folder) for folder in self._settings.readable],
+            "bodies": self._settings.bodies,
+            "memory": self._settings.memory,
+            "nice": NICE[self._lane],
+            "plans": self._lane not in ("report", "execution"),
+        }
+        if worker.pid:
+            self._carry_out(worker, SolverJob(set_up, START))
+        return bool(worker.pid) and not worker.gone
+
     def _carry_out(self, worker: WorkerProcess, job: SolverJob) -> SolverAnswer:
-        if job.cancel.is_set():
-            return SolverAnswer(death="cancelled", detail="cancelled before it began")
         worker.begin(job.request)
         deadline, looked = min(time.monotonic() + job.wall, job.until), time.monotonic()
         while True:
-            while not job.said.empty():
+            while not job.said.empty() and worker.hears():
                 worker.say(job.said.get_nowait())
             message = worker.message(job.look)
             if message is not None and message["phase"] == "answered":
@@ -295,7 +322,8 @@ def _answer_of(message: Mapping[str, Any]) -> SolverAnswer:
     for name, size in message["sizes"].items():
         files[name] = whole[at : at + size]
         at += size
-    return SolverAnswer({key: value for key, value in message.items() if key not in _TRANSPORT}, files)
+    return SolverAnswer({key: value for key, value in message.items() if key not in TRANSPORT}, files)
 
 
-_TRANSPORT = ("phase", "sizes", "blob", "content", "spoilt")
+TRANSPORT = ("phase", "sizes", "blob", "content", "spoilt")
+"""Keys of a message that are not its content."""

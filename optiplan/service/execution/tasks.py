@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 import optiplan
+from optiplan.errors import InputError, Issue
 from optiplan.files import reading
 from optiplan.planners.base import Budget, stages_of
 from optiplan.planners.registry import load_libraries
@@ -59,10 +60,10 @@ class Tasks:
         pipeline.run(problem, "trajopt", {}, Budget(_WARM_UP), lambda stage, fraction: None)
 
     def check(self, request: Mapping[str, Any], progress: Any) -> Answer:
-        """Read a problem and the planner's options; the answer says what they are."""
+        """Read a problem and the planner's options; the answer says what they are, and whether that `lasts`."""
         problem = self._reader.read(request)
         choice = self._reader.choose(request, problem)
-        return _identity(problem, choice), {}
+        return _identity(problem, choice) | {"lasts": self._reader.keeps(request)}, {}
 
     def plan(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """Plan and prove; the files are those of a run folder. A request that is `early` has its motion sent first."""
@@ -153,11 +154,19 @@ class Tasks:
         return {}, {"report.html": page.encode()}
 
     def scene(self, request: Mapping[str, Any], progress: Any) -> Answer:
-        """What pages draw: the scene as data, what can be moved, and a motion where one is given."""
+        """What pages draw: the scene as data, what can be moved, and a motion where one is given.
+
+        Raises:
+            InputError: the motion is one through another scene.
+        """
         from optiplan.service.execution.studio import studio_scene
 
+        problem = self._reader.read(request)
+        if files_changed(request, problem):
+            found = "a problem whose files were replaced since the run"
+            raise InputError([Issue("request", None, "run", found, "a run of the files as they are now")])
         motion = Trajectory.from_dict(json.loads(request["motion"])) if request.get("motion") else None
-        return {}, {"scene.json": _json(studio_scene(self._reader.read(request), motion))}
+        return {}, {"scene.json": _json(studio_scene(problem, motion))}
 
     def pose(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """Poses of the joints at a configuration, what touches there, and where the tool is."""

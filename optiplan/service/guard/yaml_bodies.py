@@ -51,18 +51,20 @@ async def _whole(receive: Receive) -> bytes:
             return b"".join(parts)
 
 
-def _decoded(text: bytes) -> str | None:
-    """The text; None, which is then refused, where it is none."""
+def _decoded(text: bytes) -> str:
     try:
         return text.decode()
-    except UnicodeDecodeError:
-        return None
+    except UnicodeDecodeError as error:
+        found = f"byte {error.object[error.start]:#04x} at offset {error.start}"
+        raise Refusal(422, f"body: found {found}; expected UTF-8 text") from None
 
 
 def _query(scope: Scope) -> dict[str, Any]:
     """The query as fields of a submission; what is no number stays text, and is then refused."""
     found: dict[str, Any] = {}
     for key, value in parse_qsl(scope["query_string"].decode("latin-1")):
+        if key == "problem":
+            raise Refusal(422, "problem: found one in the query; expected the one in the body alone")
         try:
             found[key] = NUMBERS[key](value) if key in NUMBERS else value
         except ValueError:

@@ -10,6 +10,9 @@ from optiplan.service.models import PlannerAnswer, ProblemInput, RobotAnswer, Te
 from optiplan.service.refusals import not_found
 from optiplan.service.routes.answers import Json, Kept, Service, errors
 
+FILES = ("file:", ".csv", "mesh: ")
+"""What a problem that needs a file has in its text."""
+
 router = APIRouter(prefix="/api", default_response_class=Json)
 
 
@@ -54,7 +57,7 @@ async def planners_listed(archive: Kept) -> Json:
 async def examples(service: Service) -> Json:
     """Texts of the example problems that need no file of their own, by name."""
     texts = {path.stem: path.read_text("utf-8") for path in sorted(problems_dir().glob("*.yaml"))}
-    return Json({name: text for name, text in texts.items() if "file:" not in text})
+    return Json({name: text for name, text in texts.items() if not any(word in text for word in FILES)})
 
 
 @router.post("/scene", responses=errors(404, 413, 422, 503))

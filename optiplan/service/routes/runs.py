@@ -117,7 +117,8 @@ async def problem(run: RunPath, archive: Kept) -> Response:
 @router.get("/runs/{run}/scene", responses=errors(404, 422, 503))
 async def scene(run: RunPath, service: Service) -> Response:
     """What a page draws of a run: the scene and the motion."""
-    asked = await service.archive.motion_request(await service.archive.run(run))
+    record = await service.archive.run(run)
+    asked = await service.archive.motion_request(record) | {"hash": record["problem"]}
     answer = await service.requests.ask(asked, "scene")
     return Response(answer.files["scene.json"], media_type="application/json")
 

@@ -8,7 +8,7 @@ from typing import Any, Generic, TypeVar
 
 import anyio
 
-from optiplan.service.execution.solver_pool import Lane, SolverAnswer, SolverJob, SolverPool
+from optiplan.service.execution.solver_pool import TRANSPORT, Lane, SolverAnswer, SolverJob, SolverPool
 from optiplan.service.refusals import Refusal, not_found
 from optiplan.service.requests import refusal_of
 from optiplan.service.sessions.seen_states import SeenStates
@@ -16,9 +16,6 @@ from optiplan.service.streams import next_of
 
 LOOK = 0.01
 """s between two looks for words to a process."""
-
-TRANSPORT = ("phase", "sizes", "blob")
-"""Keys of a message that are not its content."""
 
 State = dict[str, Any]
 
@@ -128,7 +125,6 @@ class Sessions(ABC, Generic[Kind]):
             Refusal: it does not begin.
         """
         loop = asyncio.get_running_loop()
-        begun: asyncio.Future[SolverAnswer] = loop.create_future()
         session: Kind | None = None
 
         def told(message: Any) -> None:
@@ -136,11 +132,8 @@ class Sessions(ABC, Generic[Kind]):
             if session is not None:
                 loop.call_soon_threadsafe(session.take, content)
 
-        def answered(answer: SolverAnswer) -> None:
-            loop.call_soon_threadsafe(begun.set_result, answer)
-
-        job = SolverJob(request, longest, told=told, answered=answered, look=LOOK)
-        whole = asyncio.wrap_future(self._pool.submit(self._lane, job))
+        job = SolverJob(request, longest, told=told, look=LOOK)
+        begun, whole = self._pool.submit_early(self._lane, job)
         try:
             await asyncio.wait([begun, whole], return_when=asyncio.FIRST_COMPLETED)
         except asyncio.CancelledError:  # the caller has gone

@@ -5,7 +5,8 @@ import hashlib
 import os
 import shutil
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from optiplan.errors import OptiPlanError
@@ -19,6 +20,17 @@ _NAME = "store"
 
 class StorageFullError(OptiPlanError):
     """No room is left for what the service has to keep."""
+
+
+@contextmanager
+def room_wanted() -> Iterator[None]:
+    """Turn the error of a full disk, on which something is written within, into a `StorageFullError`."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in FULL:
+            raise StorageFullError("the disk of the data folder is full") from error
+        raise
 
 
 class ContentFolder:
@@ -68,12 +80,8 @@ class ContentFolder:
             with suppress(OSError):
                 os.utime(path)  # it is young again: no sweep takes it before its run is recorded
                 return digest
-        try:
+        with room_wanted():
             write_bytes(path, content)
-        except OSError as error:
-            if error.errno in FULL:
-                raise StorageFullError("the disk of the data folder is full") from error
-            raise
         return digest
 
     def get(self, digest: str) -> bytes | None:

@@ -1,6 +1,7 @@
 """Tables of stored problems and benches, whose rows have a key."""
 
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import sqlalchemy as sa
@@ -31,6 +32,16 @@ class KeyedTable:
         """Return at most `count` rows, the newest first."""
         return self._all(sa.select(self._table).order_by(self._table.c.created.desc()).limit(count))
 
+    def _put(self, row: Record, kept: Sequence[str] = ()) -> None:
+        """Add a row; one of its key is replaced, but for the columns kept."""
+        try:
+            with self._engine.begin() as connection:
+                connection.execute(self._table.insert().values(**row))
+        except sa.exc.IntegrityError:  # also where another process was first
+            new = {name: value for name, value in row.items() if name not in kept}
+            with self._engine.begin() as connection:
+                connection.execute(self._table.update().where(self._key == row[self._key.name]).values(**new))
+
     def _all(self, query: sa.Select[Any]) -> list[Record]:
         with self._engine.connect() as connection:
             return [dict(row) for row in connection.execute(query).mappings()]
@@ -44,10 +55,7 @@ class ProblemTable(KeyedTable):
 
     def add(self, hash: str, name: str, robot: str, text: str) -> None:
         """Store a problem under its hash; `text` is the digest of its text."""
-        row = {"hash": hash, "name": name, "robot": robot, "text": text, "created": time.time()}
-        with self._engine.begin() as connection:
-            connection.execute(problems.delete().where(problems.c.hash == hash))
-            connection.execute(problems.insert().values(**row))
+        self._put({"hash": hash, "name": name, "robot": robot, "text": text, "created": time.time()})
 
     def digests_in_use(self) -> set[str]:
         """Return the digests of the texts."""
@@ -62,10 +70,5 @@ class BenchTable(KeyedTable):
         super().__init__(engine, benches)
 
     def add(self, bench: str, name: str, content: Record) -> None:
-        """Record a bench; a known id keeps its row."""
-        row = {"id": bench, "name": name, "created": time.time(), "content": content}
-        try:
-            with self._engine.begin() as connection:
-                connection.execute(benches.insert().values(**row))
-        except sa.exc.IntegrityError:
-            return
+        """Record a bench; a known id keeps its time."""
+        self._put({"id": bench, "name": name, "created": time.time(), "content": content}, ("created",))

@@ -17,8 +17,8 @@ ENDED: tuple[RunState, ...] = ("done", "failed", "cancelled")
 Record = dict[str, Any]
 """A row of the table of runs."""
 
-RETRIED = ("timeout", "out-of-memory", "crashed", "deadline", "storage")
-"""Failures that are not the planner's answer: the same submission tries again."""
+RETRIED = ("timeout", "out-of-memory", "crashed", "deadline", "storage", "bug")
+"""Failures that are not the planner's answer: the same submission tries again, as where a run has no record."""
 
 AT_ONCE = 500
 """Ids in one query."""
@@ -28,7 +28,10 @@ _OUTCOME = (*("verified", "duration", "ratio", "failure", "timings", "contents")
 
 @dataclass(frozen=True)
 class NewRun:
-    """What is asked for; `id` is the digest of all that decides the answer, or of one attempt that is waited for."""
+    """What is asked for, in so many `bytes`.
+
+    `id` is the digest of all that decides the answer, or of one attempt that is waited for.
+    """
 
     id: str
     name: str
@@ -39,6 +42,7 @@ class NewRun:
     seed: int
     budget: float
     deadline: float | None
+    bytes: int = 0
 
 
 @dataclass(frozen=True)
@@ -78,14 +82,15 @@ class RunTable:
             if known is None:
                 try:
                     with connection.begin_nested():
-                        connection.execute(runs.insert().values(cancel=False, tries=0, bytes=0, **values))
+                        connection.execute(runs.insert().values(cancel=False, tries=0, **values))
                 except sa.exc.IntegrityError:  # another process was first
                     return self._found(connection, new.id), False
                 return self._found(connection, new.id), True
-            if not _again(dict(known)):
+            if not tried_again(dict(known)):
                 return dict(known), False
             connection.execute(submissions.delete().where((submissions.c.run == new.id) & ~mine))  # of the former try
-            fresh: Record = {"cancel": False, "tries": 0, "bytes": 0, **dict.fromkeys(_OUTCOME)}
+            # Without a holder: what one that is still at work makes of the former try is nobody's.
+            fresh: Record = {"cancel": False, "tries": 0, **dict.fromkeys(_OUTCOME)}
             same = (runs.c.id == new.id) & (runs.c.status == known["status"])
             won = connection.execute(runs.update().where(same).values(**fresh, **values)).rowcount
             if won == 1:  # what happened in the former try is over
@@ -151,7 +156,7 @@ class RunTable:
 
     def end(self, run: str, holder: str, end: RunEnd) -> bool:
         """Record how a run ended that `holder` holds; False if it holds it no longer, and nothing is changed."""
-        values = {**vars(end), "finished": Clock(), "holder": None}
+        values = {**vars(end), "bytes": runs.c.bytes + end.bytes, "finished": Clock(), "holder": None}
         return self._change(run, ("running",), values, runs.c.holder == holder, event=_end_event(end))
 
     def add_ended(self, new: NewRun, end: RunEnd, started: float) -> None:
@@ -163,7 +168,8 @@ class RunTable:
             started: when, by `time.time` of this process.
         """
         began = Clock() - (time.time() - started)
-        values = {**vars(new), **vars(end), "submitted": began, "started": began, "finished": Clock()}
+        values = {**vars(new), **vars(end), "bytes": new.bytes + end.bytes}
+        values |= {"submitted": began, "started": began, "finished": Clock()}
         with self._engine.begin() as connection:
             connection.execute(runs.insert().values(cancel=False, tries=1, **values))
 
@@ -264,7 +270,8 @@ def _end_event(end: RunEnd) -> Record:
     return {"type": "end", "status": end.status, "verified": end.verified}
 
 
-def _again(known: Record) -> bool:
-    """Whether the same submission is tried again: what stopped the run was not its planner."""
-    failure = known["failure"] or {}
-    return known["status"] == "cancelled" or (known["status"] == "failed" and failure.get("kind") in RETRIED)
+def tried_again(known: Record) -> bool:
+    """Return whether the same submission is tried again: what stopped the run, or is about to, was not its planner."""
+    if known["status"] == "failed":
+        return (known["failure"] or {}).get("kind") in RETRIED or not known["contents"]
+    return known["status"] == "cancelled" or (known["status"] == "running" and bool(known["cancel"]))

@@ -1,6 +1,7 @@
 """Tables of the service's database, the version of their layout, and how a database is opened."""
 
 import os
+import re
 import sqlite3
 import time
 import uuid
@@ -167,9 +168,9 @@ def open_database(url: str) -> Engine:
         sa.event.listen(engine, "handle_error", _away)
         with engine.begin() as connection:
             _bring_up(connection)
-    except (sa.exc.SQLAlchemyError, DatabaseAwayError, ImportError) as error:
+    except (sa.exc.SQLAlchemyError, DatabaseAwayError, ImportError, ValueError, TypeError) as error:
         reason = str(getattr(error, "orig", None) or error.__cause__ or error).strip().split("\n")[0]
-        shown = sa.make_url(url).render_as_string(hide_password=True) if "://" in url else url
+        shown = re.sub(r"(://[^:/@]*:)[^@]*@", r"\1***@", url)
         raise OptiPlanError(f"the database {shown} cannot be used: {reason}") from error
     if sqlite:
         _watch_file(engine)

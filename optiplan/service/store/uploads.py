@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from optiplan.files import write_bytes
-from optiplan.service.store.contents import StorageFullError
+from optiplan.service.store.contents import StorageFullError, room_wanted
 
 MARKED = 6 * 3600.0
 """s between two marks that a file is in use: each looks like another version of the file to who caches by it."""
@@ -52,14 +52,15 @@ class Uploads:
         """Keep a file under a path of plain names; an older one is replaced.
 
         Raises:
-            StorageFullError: there are too many bytes or files, all of them in use.
+            StorageFullError: there are too many bytes or files, all of them in use, or the disk is full.
             FileExistsError, NotADirectoryError, IsADirectoryError: the path is a folder, or below a file.
         """
         with self._lock:
             index = self._known()
             own = index[file].bytes if file in index else 0
             self._make_room(len(content) - own, 0 if file in index else 1, file)
-            write_bytes(self._folder / file, content)
+            with room_wanted():
+                write_bytes(self._folder / file, content)
             self._record(Upload(file, len(content), time.time()))
 
     def all(self) -> list[Upload]:

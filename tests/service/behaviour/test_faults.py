@@ -1,6 +1,7 @@
 """Servers that are killed, workers that share, stops that are asked for: no run is lost, none is done twice."""
 
 import csv
+import errno
 import fcntl
 import json
 import os
@@ -21,6 +22,7 @@ from optiplan.service.client import Client
 from optiplan.service.execution.leases import take_lease
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.store.contents import ContentFolder
+from optiplan.service.store.keyed_tables import ProblemTable
 from optiplan.service.store.tables import LAYOUT, about, open_database, store_name
 from tests.waiting import PATIENCE, wait_until
 
@@ -68,6 +70,16 @@ def names_at_once(url):
 def test_server_and_workers_may_start_at_once_on_an_empty_postgresql():
     with postgres() as database:
         assert len(names_at_once(database.replace("postgresql://", "postgresql+psycopg://"))) == 1
+
+
+@needs_postgres
+def test_several_may_store_one_problem_at_once():
+    with postgres() as database, ThreadPoolExecutor(8) as threads:
+        engine = open_database(database.replace("postgresql://", "postgresql+psycopg://"))
+        for k in range(20):
+            stored = [threads.submit(ProblemTable(engine).add, f"{k:064}", "a", "panda", "0" * 64) for _ in range(8)]
+            assert [one.result(PATIENCE) for one in stored] == [None] * 8
+        engine.dispose()
 
 
 def test_servers_may_start_at_once_on_an_empty_folder(tmp_path):
@@ -136,11 +148,18 @@ def speeds(table):
     return np.array([row[column] for row in rows if len(row) == len(head) and row[column]] or [1.0], float)
 
 
-def test_a_lease_ends_with_its_process(tmp_path):
+def too_many_files(*_):
+    raise OSError(errno.EMFILE, "Too many open files")
+
+
+def test_a_lease_ends_with_its_process(tmp_path, monkeypatch):
     engine = sa.create_engine("sqlite://")
     mine, other = take_lease(engine, tmp_path), take_lease(engine, tmp_path)
     assert mine.alive(mine.name)
     assert mine.alive(other.name)
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "open", too_many_files)
+        assert mine.alive(other.name), "it could not be looked at"
     other.close()
     assert not mine.alive(other.name)
     assert not mine.alive("never was")
@@ -226,6 +245,9 @@ def test_a_folder_belongs_to_one_database(tmp_path):
         (["--driver", "arm=sim:patience=9"], "driver.patience"),
         (["--database", "mysql://x/y"], "cannot be used"),
         (["--log-level", "loud"], "choose from"),
+        (["--memory", "inf"], "--memory"),
+        (["--keep-gb", "nan"], "--keep-gb"),
+        (["--database", "postgresql://user:secret@host:port/name"], "user:***@host:port/name"),
     ],
 )
 def test_a_server_that_cannot_start_says_why(arguments, word, tmp_path, capsys):

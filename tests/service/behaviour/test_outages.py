@@ -11,14 +11,14 @@ from concurrent.futures import Future
 import pytest
 import sqlalchemy as sa
 from service_outages import outage_round
-from service_process import HTTP, postgres_folder, postgres_server
+from service_process import postgres_folder, postgres_server
 
 from optiplan.service.execution import leases
 from optiplan.service.execution.event_writer import EventWriter
 from optiplan.service.execution.leases import take_lease
 from optiplan.service.execution.run_solver import RunSolver
-from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob, SolverPool
-from optiplan.service.health import HealthCheck, WriteProbe, serve_health
+from optiplan.service.execution.solver_pool import SolverAnswer
+from optiplan.service.health import WriteProbe
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.store import tables
 from optiplan.service.store.contents import ContentFolder
@@ -28,9 +28,6 @@ from tests.service.conftest import NO_WAY, QUICK
 from tests.waiting import PATIENCE, wait_until
 
 needs_postgres = pytest.mark.skipif(postgres_folder() is None, reason="PostgreSQL is not installed")
-
-AWAY = sa.exc.OperationalError("INSERT", {}, sqlite3.OperationalError("disk I/O error"))
-"""As a database raises it that goes away."""
 
 
 class Breaking:
@@ -103,90 +100,6 @@ def test_an_exception_while_a_run_is_solved_is_its_end(server, monkeypatch):
     )
     ended = server.ended(server.submit(seed=906)["id"])
     assert (ended["status"], ended["failure"]["kind"]) == ("failed", "bug")
-
-
-@pytest.fixture(scope="module")
-def pool(tmp_path_factory):
-    """One slot."""
-    found = SolverPool(ServiceSettings(data=tmp_path_factory.mktemp("pool")), {"queue": 1})
-    found.start()
-    yield found
-    found.close()
-
-
-def plan(**more):
-    """A job that plans."""
-    request = {"do": "plan", "problem": QUICK, "budget": 2.0, "hash": None}
-    return SolverJob(request | more.pop("request", {}), PATIENCE, **more)
-
-
-def raising(_):
-    raise AWAY
-
-
-def test_words_that_come_too_late_are_no_request(pool):
-    """A task that does not listen leaves them in the pipe, and so does one that has just ended."""
-    late, next_one = plan(), plan()
-    late.said.put({"stop": True})
-    late.said.put({"do": "alive", "number": 0})
-    for job in (late, next_one):
-        answer = pool.submit("queue", job).result(PATIENCE)
-        assert answer.death is None
-        assert answer.data["verified"]
-
-
-def test_a_slot_survives_who_listens(pool):
-    first, second = plan(told=raising), plan(request={"early": True}, answered=raising)
-    for job in (first, second):
-        answer = pool.submit("queue", job).result(PATIENCE)
-        assert answer.death is None
-        assert answer.data["verified"]
-    assert pool.ended == []
-
-
-def test_a_slot_survives_a_request_that_cannot_be_sent_and_a_caller_that_went(pool):
-    broken = pool.submit("queue", plan(request={"budget": float("nan")})).result(PATIENCE)
-    assert broken.death == "crashed"
-    assert "internal error" in broken.detail
-    busy = pool.submit("queue", plan())
-    gone = plan()
-    assert gone.future.cancel()
-    pool.submit("queue", gone)
-    assert busy.result(PATIENCE).death is None
-    assert pool.submit("queue", plan()).result(PATIENCE).death is None
-    assert pool.ended == []
-
-
-def test_threads_that_have_ended_are_no_health(pool, tmp_path):
-    class Queue:
-        ended = ("lease",)
-
-    engine = open_database(f"sqlite:///{tmp_path / 'a.sqlite'}")
-    check = HealthCheck(pool, Queue(), WriteProbe(engine), ContentFolder(tmp_path / "contents", 0))
-    for status, body in (check.living(), check.ready()):
-        assert status == 503
-        assert "lease" in body["error"]
-    pool.submit("queue", plan()).result(PATIENCE)
-    Queue.ended = ()
-    assert check.living()[0] == check.ready()[0] == 200
-    full = HealthCheck(pool, Queue(), WriteProbe(engine), ContentFolder(tmp_path / "contents", 10**18))
-    assert full.living()[0] == 200
-    assert "MB left" in full.ready()[1]["error"]
-    server = serve_health(check, 0)
-    url = f"http://127.0.0.1:{server.server_address[1]}"
-    assert HTTP.get(f"{url}/readyz").json() == {"status": "ok"}
-    Queue.ended = ("events",)
-    assert HTTP.get(f"{url}/healthz").status_code == HTTP.get(f"{url}/readyz").status_code == 503
-    assert HTTP.get(f"{url}/else").status_code == 404
-    server.shutdown()
-    server.server_close()
-    engine.dispose()
-
-
-def test_a_pool_whose_thread_ended_is_not_ready():
-    pool = SolverPool(ServiceSettings(), {"queue": 2})
-    assert pool.ended == ["solver-queue", "solver-queue"], "they were never started"
-    assert not pool.ready
 
 
 def test_a_database_that_is_held_is_away_until_it_is_let_go(tmp_path, monkeypatch):

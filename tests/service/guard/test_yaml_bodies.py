@@ -7,6 +7,19 @@ from optiplan.service.refusals import Refusal
 from tests.waiting import answer_of
 
 
+@pytest.mark.parametrize(
+    ("query", "content", "word"),
+    [
+        ("", "name: Tür".encode("latin-1"), "body: found byte 0xfc at offset 7; expected UTF-8 text"),
+        ("?problem=x", b"", "in the query"),
+    ],
+)
+def test_the_body_is_the_problem_and_utf_8(server, query, content, word):
+    answer = server.http.post(f"/api/runs{query}", content=content, headers={"Content-Type": "application/yaml"})
+    assert answer.status_code == 422
+    assert word in answer.json()["error"]
+
+
 def test_half_a_file_is_no_problem():
     """What has come may be a problem of its own, one without its last obstacles."""
     sent = [{"type": "http.request", "body": b"version: 1\n", "more_body": True}, {"type": "http.disconnect"}]

@@ -235,6 +235,7 @@ def test_what_cannot_be_executed_says_why(server, given, status, word):
         ("obstacles", {"poses": {"far": [0] * 7}}),
         ("obstacles", {"poses": {"far": [1e9, 0, 0, 0, 0, 0, 1]}}),
         ("obstacles", {"poses": {"far": [0, 0, 0, 0, 0, 0, 1]}, "velocities": {"far": [0]}}),
+        ("obstacles", {"poses": {"far": [0, 0, 0, 0, 0, 0, 1]}, "velocities": {"near": [0, 0, 0]}}),
         ("splice", {"problem": QUICK}),
         ("state", {"latency": -1}),
         ("stop", {"reason": ""}),

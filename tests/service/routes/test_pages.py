@@ -20,7 +20,7 @@ def test_a_run_among_files_that_were_changed_is_shown_without_its_verdict(server
     assert found == [("verified", False), ("not checked", True), ("verified", False)]
 
 
-def test_a_small_picture_has_no_path_through_files_that_were_changed(server):
+def test_no_path_is_drawn_through_files_that_were_changed(server):
     problem = MESH.format(file="changed/small.obj")
     for seed, changed in ((3, TETRAHEDRON), (4, TETRAHEDRON.replace(b"0.1", b"0.2"))):
         server.http.put("/api/uploads/changed/small.obj", content=TETRAHEDRON)
@@ -28,6 +28,8 @@ def test_a_small_picture_has_no_path_through_files_that_were_changed(server):
         server.http.put("/api/uploads/changed/small.obj", content=changed)
         drawn = "<polyline" in server.http.get(f"/api/runs/{run}/thumbnail.svg").text
         assert drawn == (changed == TETRAHEDRON)
+        scene = server.http.get(f"/api/runs/{run}/scene")
+        assert (scene.status_code, "replaced since the run" in scene.text) == ((200, False) if drawn else (422, True))
 
 
 def test_runs_that_are_compared_have_names_of_their_own(server):

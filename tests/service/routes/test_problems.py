@@ -8,6 +8,7 @@ import pytest
 
 import optiplan as op
 from optiplan.problem.load import load_problem
+from optiplan.resources import robots_dir
 from optiplan.service.store.contents import FULL
 from tests.service.conftest import QUICK
 
@@ -184,6 +185,39 @@ def test_meshes_come_from_uploads_and_allowed_folders_alone(server, tmp_path):
     assert check(server, MESH.format(file="part/tetra.obj")).json()["valid"] is True
 
 
+ARM = {"planar2r.urdf": robots_dir() / "planar2r/planar2r.urdf", "robot.yaml": robots_dir() / "planar2r/robot.yaml"}
+TOUR = """\
+version: 1
+robot: panda
+start: {configuration: ready}
+task: [{tour: {targets: %s/holes.csv}}]
+"""
+
+
+@pytest.mark.parametrize(
+    ("files", "problem", "changed"),
+    [
+        ({"holes.csv": b"x,y,z,nx,ny,nz\n0.5,0.1,0.4,0,0,-1\n"}, TOUR, {"holes.csv": (b"0.5", b"0.6")}),
+        (
+            {name: path.read_bytes() for name, path in ARM.items()},
+            QUICK.replace("planar2r", "%s"),
+            {"robot.yaml": (b"velocity: 2.0", b"velocity: 1.0")},
+        ),
+    ],
+    ids=["table", "robot"],
+)
+def test_a_file_that_is_replaced_makes_another_problem(server, files, problem, changed):
+    folder = f"changed-{min(files).partition('.')[0]}"
+    for name, content in files.items():
+        assert server.http.put(f"/api/uploads/{folder}/{name}", content=content).status_code == 201
+    first, again = (check(server, problem % folder).json()["hash"] for _ in range(2))
+    assert first == again
+    for name, (old, new) in changed.items():
+        content = files[name].replace(old, new)
+        assert server.http.put(f"/api/uploads/{folder}/{name}", content=content).status_code == 201
+    assert check(server, problem % folder).json()["hash"] != first
+
+
 def test_errors_show_no_paths_of_the_server(server):
     data, meshes = server.service.settings.data, server.service.settings.folders[0]
     (meshes / "broken.obj").write_bytes(b"v 1 2\n")
@@ -229,6 +263,8 @@ def test_a_full_disk_is_said_and_nothing_is_corrupted(server, monkeypatch):
     before = server.http.get("/api/runs?limit=500").json()["counts"]
     with monkeypatch.context() as patch:
         patch.setattr("optiplan.service.store.contents.write_bytes", full)
+        patch.setattr("optiplan.service.store.uploads.write_bytes", full)
+        assert server.http.put("/api/uploads/full.obj", content=TETRAHEDRON).status_code == 507
         for path in ("/api/runs", "/api/problems"):
             answer = server.http.post(
                 path,
@@ -266,7 +302,9 @@ def test_a_disk_that_fills_while_a_run_is_solved_fails_that_run_alone(server, mo
 
 
 def test_little_room_is_said_before_anything_is_taken_on(server, monkeypatch):
+    known = server.ended(server.submit(seed=40)["id"])
     monkeypatch.setattr(server.service.archive.contents, "spare", 10**18)
+    assert server.submit(seed=40) | {"submission": ""} == known | {"submission": ""}, "nothing has to be kept for it"
     assert server.http.post("/api/runs", json={"problem": QUICK, "seed": 44}).status_code == 507
 
 
@@ -283,7 +321,9 @@ def test_what_there_is_to_choose_from(server):
     assert server.http.get("/api/robots/nobody").status_code == 404
     assert "trajopt" in [planner["name"] for planner in server.http.get("/api/planners").json()]
     assert "properties" in server.http.get("/api/schema").json()
-    assert "01_reach" in server.http.get("/api/examples").json()
+    examples = server.http.get("/api/examples").json()
+    assert "01_reach" in examples
+    assert not {"46_window_frame_spots", "47_floor_pan_spots"} & examples.keys(), "they need tables"
     metrics = server.http.get("/metrics").text
     assert 'optiplan_requests_total{method="GET",status="200"}' in metrics
     assert json.dumps(server.http.get("/openapi.json").json())

@@ -262,6 +262,12 @@ def test_a_queued_run_is_cancelled_at_once(server):
     assert server.ended(long)["status"] == "cancelled"
 
 
+def test_a_deadline_passes_also_while_no_process_is_free(server, monkeypatch):
+    monkeypatch.setattr(server.service.pool, "submit", lambda lane, job: job.future)
+    answer = server.http.post("/api/plan", json={"problem": QUICK, "deadline": 0.2})
+    assert (answer.status_code, answer.json()["error"]) == (504, "deadline")
+
+
 def test_a_deadline_ends_a_run(server):
     run = server.submit(problem=NO_WAY, budget=60.0, deadline=1.0)["id"]
     began = time.monotonic()
@@ -370,3 +376,16 @@ def test_who_waits_says_how_many_samples_and_the_stored_file_has_all(server, rat
     assert len(stored["t"]) / answer["duration"] > 190
     assert server.http.post("/api/plan", json={**given, "rate": -1}).status_code == 422
     assert server.http.post("/api/runs", json={**given, "rate": 5}).status_code == 422
+
+
+def test_a_bug_is_told_as_data(server, monkeypatch):
+    def broken(*_):
+        raise ZeroDivisionError("secret")
+
+    monkeypatch.setattr(server.service.archive.runs, "newest", broken)
+    answer = server.http.get("/api/runs")
+    assert answer.status_code == 500
+    assert answer.json()["issues"] == []
+    assert "X-Request-Id" in answer.json()["error"]
+    assert "secret" not in answer.text
+    assert answer.headers["X-Request-Id"]
