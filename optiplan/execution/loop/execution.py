@@ -23,7 +23,7 @@ from optiplan.execution.executor import Executor
 from optiplan.execution.loop.driver_checks import checked_capabilities, in_words, measured_by
 from optiplan.execution.loop.tick_loop import KEPT_LATENESS, PATIENCE, MonotonicClock, TickClock, TickLoop
 from optiplan.execution.measurement import Measurement
-from optiplan.execution.paths.proved_path import AT_REST, ProvedPath
+from optiplan.execution.paths.proved_path import ProvedPath, rest_rates
 from optiplan.execution.scene.scene_watch import SceneWatch
 from optiplan.execution.scene.seen_scene import SceneUpdate
 from optiplan.geometry.pose import Values
@@ -325,7 +325,7 @@ class Execution:
         if off[worst] > AT_START:
             where = f"{names[worst]} is at {q[worst] - turns[worst]:.4f}, where {start[worst]:.4f} is expected"
             raise DriverError(f"the robot does not stand where the motion begins: {where}; move it there first")
-        if abs(begins.v[fastest]) > AT_REST:
+        if (np.abs(begins.v) > rest_rates(self._executor.run)[0]).any():
             speed = f"{names[fastest]} at {begins.v[fastest]:.4g} rad/s or m/s"
             raise DriverError(f"the motion begins with {speed}, and the robot stands; expected one from rest")
         self._loop.turns = turns if turns.any() else None
