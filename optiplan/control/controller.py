@@ -7,6 +7,7 @@ from copy import copy
 import numpy as np
 
 from optiplan.arrays import Array, number_argument
+from optiplan.control.arguments import squares_are_finite
 from optiplan.control.configuration import Configuration
 from optiplan.control.control_problem import ControlProblem, control_problem
 from optiplan.control.controller_arguments import (
@@ -46,6 +47,9 @@ ON_MOTION = 1e-3
 
 PLACES = 400
 """Places of a motion at which it is asked how near bodies come to each other on it."""
+
+UNLIMITED = 1.0
+"""rad/s or m/s: of a way out of joints without limits."""
 
 
 class Controller:
@@ -367,6 +371,8 @@ class Controller:
         """The state at the end of the step with velocities x (n,); None where the robot could not stop clear of it."""
         dt = outcome.dt
         reached = self._next(outcome.state, x, dt)
+        if not squares_are_finite(reached.q, reached.v, reached.a):
+            return None
         clear = self._guard.accepts(reached, dt, self.time + dt, outcome.state, outcome.slack)
         return reached if clear else None
 
@@ -389,6 +395,7 @@ class Controller:
             # As fast as the bounds allow in this direction; a quarter of it where the way bends.
             ends = np.where(d > 0.0, high, low)
             most = float((ends[np.abs(d) > 1e-3] / d[np.abs(d) > 1e-3]).min())
+            most = most if np.isfinite(most) else UNLIMITED
             for share in (1.0, 0.25):
                 found = self._if_clear(self._box_clip(share * most * d), outcome)
                 if found is not None:

@@ -190,14 +190,9 @@ class Executor(LawFollower):
         if reason:
             self.stop(reason)
             return
-        if self._scene.people is not None:
-            self._lead()
         if self.time == 0.0:
             self.prepare()
-        self._turned = None  # it was checked before
-        if self._detour is not None:
-            self._detour.forget()
-        self._look_beyond()
+        self._heed()
         if self._held == "waiting" and self._next is None:
             ahead: TimeLaw | None = self._law
             if self._detour is None:

@@ -64,6 +64,22 @@ class LawFollower:
         """Do what is to be done where obstacles block the way of the law."""
         raise NotImplementedError
 
+    def hold(self, duration: float) -> None:
+        """Let a time, s, pass in which the robot held its set-point, as no other came: what was seen grows older."""
+        self._tracking.age(duration)
+        if self._scene.age(duration):
+            self._heed()
+            self._yield()
+
+    def _heed(self) -> None:
+        """Choose again beside people, and forget what was found clear of what was seen before."""
+        if self._scene.people is not None:
+            self._lead()
+        self._turned = None
+        if self._detour is not None:
+            self._detour.forget()
+        self._look_beyond()
+
     def _blocked_next(self, coming: NextPath, spare: float = 0.0) -> bool:
         law = self._start_law(coming.path, self._override, coming.then)
         return self._scene.over(coming).blocked(coming.path.forwards, law, coming.then, spare) is not None

@@ -120,6 +120,10 @@ class TrackingMonitor:
         self._fastest = FAST * problem.limits.velocity
         self._endless = problem.robot.endless if problem.robot.endless.any() else None
 
+    def age(self, duration: float) -> None:
+        """Let a time, s, pass without ticks: states are so much older."""
+        self._fresh, self._seen = self._fresh - duration, self._seen - duration
+
     def pass_along(self, stretch: PathStretch, law: "TimeLaw", until: float, *, on_path: bool = True) -> None:
         """Take the set-points on the way of a law from the last one until a time, s, or until it stands still."""
         end = min(until, law.settled) if law.target == 0.0 else until

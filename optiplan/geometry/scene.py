@@ -219,6 +219,11 @@ class Scene:
         return tuple(body for body in self.obstacles if body.motion is not None)
 
     @property
+    def turning_obstacles(self) -> tuple[Obstacle, ...]:
+        """Those that turn."""
+        return tuple(body for body in self.obstacles if body.motion is not None and body.motion.axis is not None)
+
+    @property
     def standing(self) -> "Scene":
         """The scene without the obstacles that move; itself where there are none."""
         return self.without(*(body.name for body in self.dynamic_obstacles)) if self.dynamic_obstacles else self

@@ -213,6 +213,9 @@ def test_through_singularities(name, kind):
     assert errors[-1] < 0.05
 
 
+TURNING = op.Scene([op.Box("paddle", (0.1, 0.1, 0.1), (2, 0, 0)).moving(turn={"axis": [0, 0, 1], "angle": [0, 1]})])
+
+
 @pytest.mark.parametrize(
     ("build", "words"),
     [
@@ -246,6 +249,9 @@ def test_through_singularities(name, kind):
         (lambda r: op.HalfSpaceLimit("x", (0, 0, 0), 0.0), ["normal"]),
         (lambda r: op.HalfSpaceLimit("x", (0, 0, 1), np.nan), ["offset", "nan"]),
         (lambda r: op.ClearanceLimit("scene"), ["scene"]),
+        (lambda r: op.Controller(r, [], scene=TURNING), ["ClearanceLimit", "scene", "'paddle'", "slide"]),
+        (lambda r: op.ManipulabilityTask(0.1, part="tool"), ["ManipulabilityTask", "part", "tool", "translation"]),
+        (lambda r: op.PostureTask(cost=-1.0), ["PostureTask", "cost[0]", "-1"]),
         (lambda r: op.State([0.0, np.nan]), ["State", "q[1]", "nan"]),
         (lambda r: op.State([0.0, 1.0], v=[1.0]), ["State", "v", "2"]),
         (lambda r: op.Controller(r, []).step(op.State([0.0]), 0.01), ["state.q", "1 joints", "7"]),

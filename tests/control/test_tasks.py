@@ -104,6 +104,24 @@ def test_an_axis_that_points_straight_away_turns_round(panda, form, off):
     assert np.linalg.norm(task.error(controller.configuration(state))) < e - 0.2
 
 
+def test_what_is_set_on_a_task_stays_for_controllers_to_come(panda, delbot):
+    posture, damping, tool = op.PostureTask("ready"), op.DampingTask(), op.PoseTask(panda.tool_frame)
+    posture.cost, damping.cost, tool.gain = 0.5, [1, 2, 3, 4, 5, 6, 7], 3.0
+    for cost, gain in ((0.5, 3.0), (0.25, 4.0)):
+        op.Controller(panda, [posture, damping, tool])
+        assert (posture.cost == np.full(7, cost)).all()
+        assert damping.cost.tolist() == [1, 2, 3, 4, 5, 6, 7]
+        assert tool.gain == gain
+        posture.cost, posture.target, tool.gain = 0.25, np.full(7, 0.1), 4.0
+    assert (posture.target == 0.1).all()
+    early = op.PostureTask()
+    early.target = "ready"
+    op.Controller(panda, [early, op.PoseTask(panda.tool_frame)])
+    assert (early.target == panda.configurations["ready"]).all()
+    with pytest.raises(op.InputError, match="DampingTask: cost"):
+        op.Controller(delbot, [damping])
+
+
 def test_strict_priorities(panda):
     """Two targets against each other: the first is reached, the second as far as the first allows."""
     tool = panda.tool_frame

@@ -316,6 +316,19 @@ def test_what_cannot_be_executed_is_refused(run_of):
         op.Executor(run_of("38_falling_ball"))
 
 
+@pytest.mark.parametrize("end", [0, -1])
+def test_a_motion_rests_at_its_ends_where_the_verifier_says_so(run_of, end):
+    run = run_of("01_reach")
+    coefficients = np.array(run.trajectory.coefficients)
+    coefficients[end, 1] += 5e-6 * run.problem.limits.velocity  # to the position, too: a piece is 0.1 s
+    motion = op.Trajectory(run.trajectory.joint_names, run.trajectory.breakpoints, coefficients)
+    slow = replace(run, trajectory=motion, report=op.verify(run.problem, motion))
+    assert slow.verified, slow.report
+    executor = op.Executor(slow)
+    while executor.status.phase != "done":
+        executor.tick(1e-3)
+
+
 def test_a_short_run_of_all_events(run_of):
     """Sixty events of `benchmarks/execution_events.py`, where 100,000 are."""
     events = pytest.importorskip("benchmarks.execution_events")

@@ -104,6 +104,17 @@ BAD = {
         )
         for key, value in {"friction": "{viscous: 1}", "rotor_inertia": 0.1, "payload": "{mass: 1}"}.items()
     },
+    "a filter without an encoder": (
+        "controller:",
+        "plant: {velocity_filter: 20}\ncontroller:",
+        r"loop.yaml:6: plant.velocity_filter: a key without effect beside encoder: 0",
+    ),
+    "what turns": (
+        "controller:\n  computed_torque: {frequency: 5}",
+        "scene: {obstacles: [{name: fan, shape: {box: [0.1, 0.1, 0.1]}, pose: {position: [2, 0, 0]},"
+        " motion: {turn: {axis: [0, 0, 1], angle: [0, 1]}}}]}\ncontroller: {task_space: {}}",
+        r"loop.yaml:\d: scene: 'fan', which turns, with controller: task_space.*obstacles that slide",
+    ),
     "a push on the ideal plant": (
         "controller:\n  computed_torque: {frequency: 5}",
         "controller: {velocity: {}}\nplant: {engine: ideal}\ndisturbances: [{at: 0, lasting: 1}]",

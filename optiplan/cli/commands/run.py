@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 FILE = "a problem file, the name of an example, or the folder of a run"
 DRIVER = "what moves: sim (a simulated robot in real time), file, ros2_control or ur_rtde"
+RATE = "set-points per second (default: the driver's)"
 ENGINE = "of sim: mujoco, own or ideal (default: mujoco where it is installed)"
 SECONDS = f"seconds of wall time for planning and proof (default: {BUDGET:g})"
 PLANNER = "instead of the file's; see: planners"
@@ -34,7 +35,7 @@ VIEW = "begin, steer and stop it on a page, where obstacles can be dragged; Ctrl
 def run(
     file: Annotated[str, typer.Argument(metavar="FILE", help=FILE, autocompletion=problem_names)],
     driver: Annotated[str, typer.Option(metavar="NAME", help=DRIVER)] = "sim",
-    rate: Annotated[float | None, typer.Option(metavar="HZ", help="set-points per second (default: 500)")] = None,
+    rate: Annotated[float | None, typer.Option(metavar="HZ", help=RATE)] = None,
     override: Annotated[float, typer.Option(min=0.0, max=1.0, metavar="X", help="speed, 0 to 1")] = 1.0,
     engine: Annotated[str | None, typer.Option(metavar="NAME", help=ENGINE)] = None,
     host: Annotated[str | None, typer.Option(metavar="HOST", help="of ros2_control and ur_rtde")] = None,
@@ -78,9 +79,9 @@ def run(
         return end_with(Exit.NO_PLAN, f"no motion to run: {why}", as_json)
     if not motion.verified:
         return end_with(Exit.NOT_VERIFIED, "the motion is not verified; nothing moved", as_json)
-    given = {"rate": rate, "engine": engine, "host": host, "path": to}
+    given = {"engine": engine, "host": host, "path": to}
     options = {name: value for name, value in given.items() if value is not None}
-    steering = {"override": override, "deviation": deviation, "patience": patience}
+    steering = {"override": override, "deviation": deviation, "patience": patience, "rate": rate}
     done, pressed = (_on_page if view else _executed)(motion, driver, options, steering)
     clean = done["phase"] == "done" and not done["report"].get("contacts")
     code = Exit.INTERRUPTED if pressed and not clean else Exit.VERIFIED if clean else Exit.NOT_VERIFIED
@@ -96,14 +97,17 @@ def _executed(
 ) -> tuple[dict[str, Any], bool]:
     """Execute a motion here; return what came of it, and whether Ctrl-C was pressed."""
     from optiplan.api.driving import driver as driver_of
+    from optiplan.api.driving import driver_options
     from optiplan.execution.executor import Executor
     from optiplan.execution.loop.execution import Execution
 
     executor = Executor(motion, override=steering["override"], deviation=steering["deviation"])
     with stdout_is_ours():
-        made = driver_of(driver, motion, **options)
+        rate = steering["rate"]
+        own = {"rate": rate} if rate is not None and "rate" in driver_options(driver) else {}
+        made = driver_of(driver, motion, **options, **own)
         try:
-            execution = Execution(executor, made, patience=steering["patience"])
+            execution = Execution(executor, made, rate=rate, patience=steering["patience"])
         except OptiPlanError:
             made.stop("not started")
             raise

@@ -46,7 +46,8 @@ class ClearanceLimit(StopLimit):
             largest speed of the robot's bodies, or they brake hard when they come into view.
 
     Raises:
-        InputError: a distance that is not > 0, no scene; when it is bound, a pair that touches in every configuration.
+        InputError: a distance that is not > 0, no scene; an obstacle that turns; when it is bound, a pair that touches
+            in every configuration.
     """
 
     name: ClassVar[str] = "clearance"
@@ -57,6 +58,8 @@ class ClearanceLimit(StopLimit):
         if scene is not None and not isinstance(scene, Scene):
             raise wrong_argument("ClearanceLimit", "scene", described(scene), "an op.Scene")
         self.scene = Scene() if scene is None else scene
+        for body in self.scene.turning_obstacles:
+            raise wrong_argument("ClearanceLimit", "scene", f"'{body.name}', which turns", "obstacles that slide")
         self._passed: dict[str, float] = {}
         self.at_least = checked_number(self, "at_least", at_least, 0.0)
         self.influence = self.at_least + checked_number(self, "influence", influence, 1e-4)
@@ -127,14 +130,7 @@ class ClearanceLimit(StopLimit):
         return structure
 
     def _among_moving(self, robot: Robot) -> None:
-        """Take the joints of moving obstacles behind those of the robot.
-
-        Raises:
-            InputError: an obstacle that turns.
-        """
-        for body in self.scene.dynamic_obstacles:
-            if body.motion is not None and body.motion.axis is not None:
-                raise wrong_argument("ClearanceLimit", "scene", f"'{body.name}', which turns", "obstacles that slide")
+        """Take the joints of moving obstacles behind those of the robot."""
         none, slide = np.zeros(self._obstacles.size), np.ones(self._obstacles.size)
         self.turns, self.slides = np.append(self.turns, none), np.append(self.slides, slide)
         self._placed = Configuration(robot, self.model.model)
@@ -150,6 +146,8 @@ class ClearanceLimit(StopLimit):
         Returns:
             Whether what was measured before tells nothing any more.
         """
+        if not poses:
+            return False
         turned = [name for name, X_WO in poses.items() if not self._has_turn(name, X_WO)]
         if self.still or not poses.keys() <= self._dynamic.keys() or (turned and self._watch is None):
             self._make_anew(poses, velocities, t)

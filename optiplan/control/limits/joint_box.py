@@ -106,9 +106,9 @@ class JointBox:
         reach = self._halting + (2.0 * dt + self._lag) * self.velocity
         with np.errstate(invalid="ignore"):  # joints between these need no look at their ends, nor those without ends
             self._safe = self.lower + reach, self.upper - reach
-        self._give = self.acceleration * dt
-        # Below these no acceleration within limits is too much.
-        self._slow = self.velocity - (self._give + self._turning)
+            self._give = self.acceleration * dt
+            # Below these no acceleration within limits is too much.
+            self._slow = self.velocity - (self._give + self._turning)
         if self._table is not None:
             self._table[5:] = *self._safe, self._slow
 

@@ -140,9 +140,9 @@ class StopLimit(ControlLimit):
         else:
             bound = before.bound - self.arms @ np.abs(c.q - before.q)
             near = before.near
-        due = bound < self.comes_in
+        due = ~(bound >= self.comes_in)  # also where it is no number
         if len(near):
-            due[near] |= bound[near] < KEPT * self.comes_in[near]
+            due[near] |= ~(bound[near] >= KEPT * self.comes_in[near])
         which = np.flatnonzero(due)
         found = self.distances(c, which)
         bound[which] = found
@@ -193,14 +193,14 @@ class StopLimit(ControlLimit):
         single steps. Nothing is taken for granted about the shapes of the bodies or of their paths.
         Holds at: every step of the stop, which begins at time t, s.
         """
-        if (start.distance < least[start.near]).any():
+        if not (start.distance >= least[start.near]).all():  # so what is no number is not clear
             return False
-        which = np.flatnonzero(start.bound - self.arms @ path.way < least)
+        which = np.flatnonzero(~(start.bound - self.arms @ path.way >= least))
         if not len(which):
             return True
         c = path.configuration(path.steps)
         found = self.distances(c, which)
-        if (found < least[which]).any():
+        if not (found >= least[which]).all():
             return False
         last_mark = self.mark(c)
         ends = _Ends(0, path.steps, start.bound[which], found, self.mark(path.configuration(0)), last_mark)
@@ -210,14 +210,14 @@ class StopLimit(ControlLimit):
         if ends.last - ends.first <= 1:
             return True
         straight = self.between(ends.distance, ends.last_distance, self.chords(ends.mark, ends.last_mark, which))
-        left = straight - self._deviation(path, ends, which) < least
+        left = ~(straight - self._deviation(path, ends, which) >= least)
         if not left.any():
             return True
         which, least = which[left], least[left]
         middle = (ends.first + ends.last) // 2
         c = path.configuration(middle)
         found = self.distances(c, which)
-        if (found < least).any():
+        if not (found >= least).all():
             return False
         mark = self.mark(c)
         before = _Ends(ends.first, middle, ends.distance[left], found, ends.mark, mark)

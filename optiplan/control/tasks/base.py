@@ -128,7 +128,7 @@ class MovedFrameTask(ControlTask):
 
     def __init__(self, frame: str, size: int, cost: Weight, gain: float | None, priority: int) -> None:
         super().__init__(size, cost, 0.0 if gain is None else gain, priority)
-        self._has_gain = gain is not None
+        self._has_gain, self._is_curbed = gain is not None, gain is None
         self.frame, self._frame = frame, -1
         self._take_abilities(Ability(), Ability())
 
@@ -136,8 +136,18 @@ class MovedFrameTask(ControlTask):
         """Find F, and how quickly the robot moves it."""
         self._frame = frame_index(self, "frame", robot, self.frame)
         if not self._has_gain:
-            self.gain = default_gain(robot)
+            self._gain = default_gain(robot)
+        if self._is_curbed:
             self._take_abilities(*tool_abilities(robot, self.frame))
+
+    @property
+    def gain(self) -> float:
+        """1/s, >= 0; one that is set stays for later controllers."""
+        return self._gain
+
+    @gain.setter
+    def gain(self, value: float) -> None:
+        self._gain, self._has_gain = checked_number(self, "gain", value, 0.0), True
 
     def _take_abilities(self, moves: Ability, turns: Ability) -> None:
         self._moves, self._turns, self._abilities = moves, turns, np.array([*moves, *turns])

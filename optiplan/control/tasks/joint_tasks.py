@@ -25,14 +25,24 @@ class _EachJoint(ControlTask):
     by_joint = True
 
     def __init__(self, cost: Weight, gain: float, priority: int) -> None:
-        self._given_cost = cost
-        super().__init__(1, 0.0, gain, priority)
+        super().__init__(0, cost, gain, priority)
 
     def bind(self, robot: Robot) -> None:
         """Take the size from the robot."""
         self.size = robot.n
         self.cost = self._given_cost
         self._eye = np.eye(robot.n)
+
+    @property
+    def cost(self) -> Array:
+        """Weights (n,) of the joints."""
+        return self._cost
+
+    @cost.setter
+    def cost(self, value: Weight) -> None:
+        count = len(value) if isinstance(value, Sequence) else np.size(value)
+        self._cost = checked_vector(self, "cost", value, self.size or count, least=0.0)  # of any size before `bind`
+        self._given_cost = value if count == 1 else self._cost.copy()
 
     def jacobian(self, c: Configuration) -> Array:
         """(n, n), the identity."""
@@ -60,7 +70,7 @@ class PostureTask(_EachJoint):
         priority: int = 0,
     ) -> None:
         super().__init__(cost, gain, priority)
-        self._given = target
+        self._given = target  # until a robot is known
         self._target: Array | None = None
 
     def bind(self, robot: Robot) -> None:
@@ -80,7 +90,9 @@ class PostureTask(_EachJoint):
 
     @target.setter
     def target(self, value: object) -> None:
-        self._target = checked_vector(self, "target", _listed(value), self.size)
+        if self.size:
+            self._target = checked_vector(self, "target", _listed(value), self.size)
+        self._given = value if self._target is None else self._target.copy()
 
     def error(self, c: Configuration) -> Array:
         """(n,), rad or m."""

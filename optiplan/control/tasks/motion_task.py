@@ -34,6 +34,7 @@ class MotionTask(PostureTask):
 
     A step that is not held back so ends at p(t + dt). Where the robot is off by more than WAITS, the motion's time goes
     on more slowly, and stands still where it is off by twice as much: it does not run away from a robot that waits.
+    Of joints without limits the motion is taken in the turn that is nearest to the robot in the first step.
 
     Args:
         motion: of all joints of the robot.
@@ -52,6 +53,7 @@ class MotionTask(PostureTask):
         self._by_acceleration, self._off = by_acceleration, np.inf
         self.time = 0.0
         self._motion = motion
+        self._turns: Array | None = None  # (n,) rad, whole ones by which the robot is farther
         self._forward: Array = motion(np.zeros(1), 1)[0]
         self._change: Array = np.zeros_like(self._forward)
         self.velocity: Array = self._forward
@@ -69,11 +71,15 @@ class MotionTask(PostureTask):
     def bind(self, robot: Robot) -> None:
         """Take the speeds of the joints."""
         super().bind(robot)
+        self._endless = robot.endless
         self._scale = WAITS * np.where(np.isfinite(self._speed), self._speed, 1.0)
 
     def begin_step(self, state: State, dt: float) -> None:
         """Go on along the motion for dt s, or less where the robot has stayed behind."""
-        now = self._motion(np.array([self.time]))[0]
+        if self._turns is None:
+            turns = np.round((state.q - self._motion(np.array([self.time]))[0]) / (2.0 * np.pi))
+            self._turns = 2.0 * np.pi * np.where(self._endless, turns, 0.0)
+        now = self._motion(np.array([self.time]))[0] + self._turns
         self._off = float((np.abs(state.q - now) / self._scale).max())
         pace = min(max(2.0 - self._off, 0.0), 1.0)
         then = min(self.time + dt * pace, self._motion.duration)
@@ -81,7 +87,7 @@ class MotionTask(PostureTask):
             self._forward, ahead = pace * self._motion(np.array([self.time, then]), 1)
             self._change = (ahead - self._forward) / dt
         else:
-            ahead = (self._motion(np.array([then]))[0] - now) / dt
+            ahead = (self._motion(np.array([then]))[0] + self._turns - now) / dt
             self._change, self._forward = (ahead - self._forward) / dt, ahead
         self.velocity = ahead - self.gain * (state.q - now)
         self._target, self.time = now, then

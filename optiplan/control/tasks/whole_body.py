@@ -8,6 +8,7 @@ from optiplan.arrays import Array
 from optiplan.control.arguments import checked_number, checked_vector, frame_index, robot_with_masses
 from optiplan.control.configuration import Configuration
 from optiplan.control.tasks.base import ControlTask, Weight
+from optiplan.errors import choice_argument
 from optiplan.kinematics.manipulability import (
     ROWS,
     JacobianRows,
@@ -94,6 +95,7 @@ class ManipulabilityTask(ControlTask):
     ) -> None:
         super().__init__(1, cost, gain, priority)
         self.at_least = checked_number(self, "at_least", at_least, 0.0)
+        choice_argument("ManipulabilityTask", "part", part, ROWS)
         self.frame, self.part = frame, part
 
     def bind(self, robot: Robot) -> None:

@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
+from copy import deepcopy
+from functools import partial
 from itertools import islice
 from typing import Any, TypeVar
 
@@ -21,7 +23,7 @@ from optiplan.execution.executor import Executor
 from optiplan.execution.loop.driver_checks import checked_capabilities, in_words, measured_by
 from optiplan.execution.loop.tick_loop import KEPT_LATENESS, PATIENCE, MonotonicClock, TickClock, TickLoop
 from optiplan.execution.measurement import Measurement
-from optiplan.execution.paths.proved_path import AT_REST, ProvedPath
+from optiplan.execution.paths.proved_path import ProvedPath, rest_rates
 from optiplan.execution.scene.scene_watch import SceneWatch
 from optiplan.execution.scene.seen_scene import SceneUpdate
 from optiplan.geometry.pose import Values
@@ -98,8 +100,8 @@ class Execution:
         self._executor, self._driver = executor, driver
         self.capabilities = checked_capabilities(driver, tuple(executor.run.problem.robot.joint_names), rate)
         self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        times = clock or MonotonicClock()
-        self._loop = TickLoop(executor, driver, self.capabilities, times, self._commands, float(patience))
+        self._clock = clock or MonotonicClock()
+        self._loop = TickLoop(executor, driver, self.capabilities, self._clock, self._commands, float(patience))
         self._lock, self._over = threading.RLock(), threading.Event()  # a signal may come while its thread holds it
         self._thread: threading.Thread | None = None
         self._begun = False
@@ -119,16 +121,18 @@ class Execution:
             raise DriverError("op.Execution.start: it was started before; expected a new one for each motion")
         try:
             self._check_start()
-        except BaseException:  # Ctrl-C, too
+        except BaseException as error:  # Ctrl-C, too
+            self._failed = in_words(error)
             self._stop_driver("not started")
             self._over.set()
+            self._start_thread(self._report, "reports")  # the end
             raise
         with self._lock:  # a command that is being made comes to its end first
             self._loop.beat = time.monotonic()
             self._thread = threading.Thread(target=self._run, name="optiplan execution", daemon=True)
             self._thread.start()
-        for target, name in ((self._watch, "watch"), (self._report, "reports")):
-            threading.Thread(target=target, name=f"optiplan execution {name}", daemon=True).start()
+        self._start_thread(self._watch, "watch")
+        self._start_thread(self._report, "reports")
 
     def wait(self, timeout: float | None = None) -> dict[str, Any]:
         """Wait until the execution is over, at most `timeout` s; return `snapshot()`.
@@ -169,8 +173,12 @@ class Execution:
     def update_scene(
         self, poses: SceneUpdate, velocities: Mapping[str, Values] | None = None, spread: float = 0.0, age: float = 0.0
     ) -> None:
-        """Obstacles have moved, appeared or vanished; see `Executor.update_scene`."""
-        self._command(lambda: self._executor.update_scene(poses, velocities, spread, age))
+        """Obstacles have moved, appeared or vanished; see `Executor.update_scene`. `age` grows until the tick."""
+        with suppress(Exception):  # the caller may write into its own again; the executor says what cannot be
+            poses = dict(poses) if isinstance(poses, Mapping) else poses
+            velocities = deepcopy(velocities)
+        given, update = self._clock.now(), partial(self._executor.update_scene, poses, velocities, spread)
+        self._command(lambda: update(age + self._loop.waited(given) if is_finite(age) else age))
 
     def state_in(self, latency: float) -> State:
         """Return the state `latency` s from now, where another motion can begin; see `Executor.state_in`.
@@ -317,7 +325,7 @@ class Execution:
         if off[worst] > AT_START:
             where = f"{names[worst]} is at {q[worst] - turns[worst]:.4f}, where {start[worst]:.4f} is expected"
             raise DriverError(f"the robot does not stand where the motion begins: {where}; move it there first")
-        if abs(begins.v[fastest]) > AT_REST:
+        if (np.abs(begins.v) > rest_rates(self._executor.run)[0]).any():
             speed = f"{names[fastest]} at {begins.v[fastest]:.4g} rad/s or m/s"
             raise DriverError(f"the motion begins with {speed}, and the robot stands; expected one from rest")
         self._loop.turns = turns if turns.any() else None
@@ -346,6 +354,9 @@ class Execution:
         except BaseException as error:  # also one that ends its thread: this is no reason to be over in silence
             log.warning("the driver '%s' raised at its stop: %s", self.capabilities.name, in_words(error))
             self._failed = f"{self._failed or reason}; its stop failed: {in_words(error)}"
+
+    def _start_thread(self, target: Callable[[], None], name: str) -> None:
+        threading.Thread(target=target, name=f"optiplan execution {name}", daemon=True).start()
 
     def _watch(self) -> None:
         """The thread that sees whether the loop still runs; it calls nobody that may keep it."""

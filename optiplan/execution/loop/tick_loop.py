@@ -82,6 +82,7 @@ class TickLoop:
         commands: "queue.SimpleQueue[Callable[[], None]]",
         patience: float = PATIENCE,
     ) -> None:
+        self._waits = capabilities.waits
         self._patience = math.inf if capabilities.waits else patience
         self._silence = math.inf if capabilities.waits or capabilities.lead else LONGEST_TICK
         self._executor, self._driver, self._commands = executor, driver, commands
@@ -95,7 +96,7 @@ class TickLoop:
         self.events: list[Segment] = []
         self.missed, self.longest, self.beat = 0, 0.0, time.monotonic()
         self.lateness: deque[float] = deque(maxlen=KEPT_LATENESS)
-        self.ended = False
+        self.ended, self._begun = False, -math.inf
         self.turns: Array | None = None
 
     def run(self) -> str:
@@ -105,7 +106,7 @@ class TickLoop:
             Empty where the motion came to its end or its stop; else why no further set-point could be sent.
         """
         due = before = self._clock.now()
-        refused = self._tick(0.0, 0.0)
+        refused = self._tick(0.0, 0.0, 0.0)
         while not refused and not self._over():
             self._look_ahead()
             due += self._period
@@ -122,12 +123,17 @@ class TickLoop:
             before = now
             if late > self._silence:
                 return f"no set-point for {late:.3f} s: the robot is where its drives left it"
-            refused = self._tick(self._period * (1 + left_out if self._lead else 1), late)
+            self._begun = due - self._period
+            refused = self._tick(self._period, left_out * self._period, late)
         return refused
 
-    def _tick(self, step: float, late: float) -> str:
+    def waited(self, since: float) -> float:
+        """Return how long before the executor's time a command was given, s, that is taken now."""
+        return 0.0 if self._waits else max(0.0, self._begun - since)
+
+    def _tick(self, step: float, left_out: float, late: float) -> str:
         """Take commands, read the state, send a set-point; return why that was not possible."""
-        end, events = self._executor.time + step, self._catch_up(step)
+        end, events = self._executor.time + step + (left_out if self._lead else 0.0), self._catch_up(left_out)
         if late >= self._patience:
             self._stop(f"a set-point came {1e3 * late:.0f} ms late")
         while not self._commands.empty():
@@ -149,12 +155,20 @@ class TickLoop:
         self.tick = tick
         return "ended" if self.ended else ""
 
-    def _catch_up(self, step: float) -> tuple[Segment, ...]:
-        """Go on to one period before the end of a step, as the robot did along its way ahead; return events."""
-        past, ahead = step - self._period, self._ahead
+    def _catch_up(self, left_out: float) -> tuple[Segment, ...]:
+        """Let the time of ticks that were left out pass, s; return events.
+
+        With a lead the robot has gone on along its way ahead meanwhile. Others have held their set-point, and only what
+        was seen is older.
+        """
+        step, ahead = left_out + self._period, self._ahead
         if ahead is not None and self._executor.time + step > ahead.turn:
             self._executor.follow(ahead, f"no set-point for {1e3 * step:.0f} ms: the driver began the stop")
-        return self._executor.coast(past) if past > 0.0 else ()
+        if self._lead and left_out > 0.0:
+            return self._executor.coast(left_out)
+        if left_out > 0.0 and not self._waits:
+            self._executor.hold(left_out)
+        return ()
 
     def _look_ahead(self) -> None:
         """Renew the way ahead in good time, after the set-point was sent; it goes with the next one."""

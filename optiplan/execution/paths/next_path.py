@@ -58,7 +58,7 @@ def spliced_path(
     refused = policy.refused(run.problem)
     if refused:
         return f"the motion that was to take over is a run of {refused}, which is not replanned"
-    if at_rest_only and standing is None:
+    if at_rest_only and (standing is None or not path.starts_at_rest):
         return "beside people a motion takes over only where the robot stands still"
     start = run.problem.start_state
     found = [then for then, state in states if same_state(state, start)]

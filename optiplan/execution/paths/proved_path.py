@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from optiplan.arrays import Array
 from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.errors import described, wrong_argument
 from optiplan.execution.clearance_left import ClearanceLeft
@@ -31,7 +32,7 @@ AT_ONCE = 1e-6
 """s of the path, just after its start."""
 
 AT_REST = 1e-6
-"""rad or m per s and s²: a robot that is no faster stands still."""
+"""rad or m per s and s²: a joint without a limit that is no faster stands still."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,8 +185,18 @@ class ProvedPath:
 
     def _rests(self, t: float) -> bool:
         v, a = (np.abs(self.motion(np.array([t]), order)[0]) for order in (1, 2))
-        smooth = np.isfinite(self.run.problem.limits.jerk)
-        return bool((v <= AT_REST).all() and (a[smooth] <= AT_REST).all())
+        slow, steady = rest_rates(self.run)
+        return bool((v <= slow).all() and (a <= steady).all())
+
+
+def rest_rates(run: Run) -> tuple[Array, Array]:
+    """Return the velocities and accelerations (n,) up to which the joints stand still, as the verifier has it."""
+    limits, tolerance = run.problem.limits, 0.0 if run.report is None else run.report.policy.rest_tolerance
+    slow, steady = (
+        np.where(np.isfinite(limit), np.maximum(tolerance * limit, AT_REST), AT_REST)
+        for limit in (limits.velocity, limits.acceleration)
+    )
+    return slow, np.where(np.isfinite(limits.jerk), steady, np.inf)
 
 
 def held_in(scene: Scene) -> frozenset[tuple[str, str]]:

@@ -1,6 +1,7 @@
 """The scene as it was seen while a robot moves, and what of it blocks the rest of the path."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,6 +36,7 @@ class SeenScene:
         self.watch, self.people = watch, people
         self._obstacles: dict[str, SeenObstacle] = {}
         self._gone: set[str] = set()
+        self._times: dict[str, float] = {}  # of what was seen last, or found gone, s
 
     def see(
         self, poses: SceneUpdate, velocities: Mapping[str, Values], spread: float, now: float, age: float = 0.0
@@ -76,18 +78,33 @@ class SeenScene:
             return ""
         elif name not in known:
             return f"update_scene: found an obstacle {described(name)}; expected one of: {', '.join(sorted(known))}"
-        elif place is None:
+        else:
+            shape, X_WO = known[name], None if place is None else pin.SE3(place.matrix)
+        if self.people is not None and self._is_person(name):
+            speed = self.people.rule.human_speed
+            self.people.see(name, SeenObstacle(name, shape, X_WO, velocity, speed, time), time)
+            return ""
+        if time < self._times.get(name, -np.inf):  # data may come out of order
+            return ""
+        self._times[name] = time
+        if X_WO is None:
             self._obstacles.pop(name, None)
             self._gone.add(name)
-            return ""
         else:
-            shape, X_WO = known[name], pin.SE3(place.matrix)
-        self._gone.discard(name)
-        if self.people is not None and self._is_person(name):
-            self.people.see(name, SeenObstacle(name, shape, X_WO, velocity, self.people.rule.human_speed, time), time)
-        else:
+            self._gone.discard(name)
             self._obstacles[name] = SeenObstacle(name, shape, X_WO, velocity, spread, time)
         return ""
+
+    def age(self, duration: float) -> bool:
+        """Let a time, s, pass without ticks; return whether that changes where anything may be by now."""
+        self._times = {name: time - duration for name, time in self._times.items()}
+        changes = self.people is not None
+        for name, one in self._obstacles.items():
+            self._obstacles[name] = replace(one, time=one.time - duration)
+            changes = changes or one.spread > 0.0 or bool(one.velocity.any())
+        if self.people is not None:
+            self.people.age(duration)
+        return changes
 
     def _is_person(self, name: str) -> bool:
         return self.people is not None and name in self.people.rule.people
@@ -144,6 +161,7 @@ class SeenScene:
         path = coming.path
         watch = self.watch.over(path) if coming.watch is None else coming.watch
         other = SeenScene(watch, None if self.people is None else self.people.over(path, watch))
+        other._times = dict(self._times)
         stands = {one.name: one for one in path.run.problem.scene.obstacles}
         keeps = watch.margin > watch.asked
         for name, one in self._obstacles.items():

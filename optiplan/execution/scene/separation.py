@@ -137,6 +137,12 @@ class SeparationMonitor:
             if person is not None:
                 self.shapes[name] = person.shape
 
+    def age(self, duration: float) -> None:
+        """Let a time, s, pass without ticks: people were seen so much longer ago."""
+        for name, (time, person) in self._measured.items():
+            aged = None if person is None else replace(person, time=person.time - duration)
+            self._measured[name] = time - duration, aged
+
     def over(self, path: ProvedPath, watch: SceneWatch) -> "SeparationMonitor":
         """Return the same about another path."""
         other = SeparationMonitor(path, watch, self.rule)

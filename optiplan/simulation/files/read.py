@@ -198,6 +198,11 @@ def _fits(control: ControlFile) -> list[Issue]:
     if engine != "ideal" and controller == "velocity":
         found = f"velocity, which gives velocities, with engine: {engine}, which takes torques"
         issues.append(document.issue(("controller", controller), found, "engine: ideal; or another controller"))
+    turning, task_space = control.problem.scene.turning_obstacles, spec.controller.task_space
+    if turning and task_space is not None and task_space.clearance is not None:
+        found = f"'{turning[0].name}', which turns, with controller: task_space, which keeps clear of what slides"
+        place: Place = ("scene",) if spec.problem is None else ("problem",)
+        issues.append(document.issue(place, found, "obstacles that slide; or clearance: null of the controller"))
     if engine != "ideal":
         issues += _dynamics(control)
     return [*issues, *_without_effect(control)]
@@ -209,6 +214,8 @@ def _without_effect(control: ControlFile) -> list[Issue]:
     task_space, reference = spec.controller.task_space, spec.reference.kind
     if task_space is not None and task_space.feedback == "measured":
         ignored |= dict.fromkeys(_FOLLOWING, "feedback: measured, whose accelerations become torques as they are")
+    if not spec.plant.encoder:
+        ignored["plant", "velocity_filter"] = "encoder: 0, with which velocities are measured as they are"
     if spec.plant.engine == "ideal":
         ignored |= dict.fromkeys((*_DYNAMICS, *_FOLLOWING), "engine: ideal, which follows every command exactly")
     if reference not in _TOOL:

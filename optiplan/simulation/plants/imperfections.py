@@ -16,8 +16,8 @@ class Imperfections:
         delay: s from the measurement to the moment when the command acts.
         encoder: rad (m), the smallest step of a measured position; 0: none.
         position_noise: rad (m), standard deviation; `velocity_noise`: rad/s (m/s).
-        velocity_filter: Hz; with an encoder or a filter, velocities are differences of positions behind a first-order
-            low-pass of this corner frequency.
+        velocity_filter: Hz; with an encoder, velocities are differences of positions behind a first-order low-pass of
+            this corner frequency.
         seed: of the noise.
     """
 

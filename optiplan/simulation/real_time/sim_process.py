@@ -10,6 +10,7 @@ import socket
 import sys
 import time
 from collections import deque
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal
 
@@ -19,6 +20,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.cores import keeping_time, take_turns
 from optiplan.errors import OptiPlanError
+from optiplan.execution.loop.driver_checks import in_words
 from optiplan.problem.problem import Problem
 from optiplan.simulation.controllers.base import JointTarget
 from optiplan.simulation.controllers.joints import ComputedTorque, VelocityTracking
@@ -222,8 +224,8 @@ def main() -> None:
     """Read the setup, say that the robot is ready, and simulate."""
     end = socket.socket(fileno=int(sys.argv[1]))
     end.setblocking(False)
-    setup: Setup = pickle.load(sys.stdin.buffer)
     try:
+        setup: Setup = pickle.load(sys.stdin.buffer)
         loop = RealTime(end, setup)
         loop.robot.warm_up()
         gc.freeze()  # imported modules are not looked through for garbage on the way
@@ -234,8 +236,9 @@ def main() -> None:
     except ConnectionError:
         pass
     except Exception as error:  # to be seen where the robot is driven
-        end.send(data_packet(Packet.FAILED, f"{type(error).__name__}: {error}"))
-        raise
+        with suppress(OSError):  # nobody reads
+            end.send(data_packet(Packet.FAILED, in_words(error)))
+        sys.exit(1)
 
 
 if __name__ == "__main__":

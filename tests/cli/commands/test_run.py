@@ -9,6 +9,8 @@ import time
 import numpy as np
 import pytest
 
+from optiplan.execution.drivers.csv_file import FileDriver
+
 SLOW = ["--rate", "100", "--patience", "0.1"]
 """As a busy machine keeps it."""
 
@@ -46,7 +48,7 @@ def test_a_stored_run_is_run_in_the_simulation(free, optiplan, tmp_path):
         (["--override", "2"], "'--override'"),
         (["--override", "0"], "--override: at 0 the robot stands for ever; expected more, or --view"),
         (["--deviation", "0"], "'--deviation': expected a number above 0, rad or m"),
-        (["--rate", "1e9"], "rate: found the driver's own, the float 1000000000.0; expected 30 to 2000 Hz"),
+        (["--rate", "1e9"], "rate: found the float 1000000000.0; expected 30 to 2000 Hz"),
     ],
 )
 def test_what_cannot_be_is_2(free, optiplan, arguments, words, tmp_path, monkeypatch):
@@ -54,6 +56,16 @@ def test_what_cannot_be_is_2(free, optiplan, arguments, words, tmp_path, monkeyp
     code, _, err = optiplan("run", free, *arguments)
     assert code == 2
     assert words in err
+
+
+def test_a_driver_without_an_option_of_a_rate_is_run_at_that_rate(free, optiplan_json, tmp_path, monkeypatch):
+    class Own(FileDriver):
+        def __init__(self, run):
+            super().__init__(run, path=tmp_path / "motion.csv")
+
+    monkeypatch.setattr("optiplan.execution.drivers.csv_file.FileDriver", Own)
+    code, done = optiplan_json("run", free, "--driver", "file", "--rate", "50")
+    assert (code, done["rate"]) == (0, 50.0)
 
 
 def test_an_option_of_the_file_is_told_with_its_line(free, optiplan):

@@ -5,6 +5,9 @@ import pytest
 
 import optiplan as op
 from optiplan._core import core
+from optiplan.control.braking_path import BrakingPath
+from optiplan.control.limits.stop_limits import DistanceView, StopLimit
+from optiplan.control.step_report import StepOutcome
 from optiplan.errors import InputError
 
 HOME = [0.3, 0.4, 0.0, -1.8, 0.0, 2.2, 0.8]
@@ -58,6 +61,38 @@ def test_who_is_not_seen_again_is_taken_to_stand_still(panda):
     controller.update_scene({"ball": op.Pose((1.0, 0.0, 0.5))}, {"ball": (-1.0, 0.0, 0.0)})
     at = [limit._obstacles.at(t)[0] for t in (0.0, 0.2, 0.4, 5.0)]
     np.testing.assert_allclose(np.subtract(at, at[0]), [0.0, -0.2, -0.4, -0.4], atol=1e-12)
+
+
+def test_without_limits_of_joints_a_way_out_is_finite(panda):
+    ready = panda.configurations["ready"]
+    ball = op.Sphere("ball", radius=0.05, position=tuple(panda.fk(ready).matrix[:3, 3]))
+    controller = op.Controller(panda, [op.PostureTask(ready)], limits=[op.ClearanceLimit(op.Scene([ball]))])
+    state = op.State(ready)
+    for _ in range(20):
+        state = controller.step(state, 0.002).state
+        assert np.isfinite([state.q, state.v, state.a]).all()
+    outcome = StepOutcome(state, 0.002)
+    for bad in (np.nan, np.inf):
+        assert controller._if_clear(np.full(7, bad), outcome) is None
+        view = controller._guard._views[0]
+        lost = DistanceView(
+            view.q, np.full(len(view.bound), np.nan), view.near[:0], view.distance[:0], view.gradient[:0]
+        )
+        path = BrakingPath(panda)
+        path.start(np.full(7, np.nan), np.zeros(7), np.zeros(7), controller._box, 0.002)
+        limit = controller.limits[0]
+        assert not StopLimit.stop_is_clear(limit, path, lost, np.full(len(view.bound), -1.0), 0.0)
+
+
+def test_an_update_of_nothing_makes_nothing_anew(panda, monkeypatch):
+    alone, among = op.ClearanceLimit(), op.ClearanceLimit(op.Scene([box(0)]))
+    controller = op.Controller(panda, [], limits=[op.PositionLimit(), alone, among])
+    models = alone.model, among.model
+    controller.update_scene({})
+    assert (alone.model, among.model) == models
+    controller.update_scene({"box0": op.Pose((1, 0, 0))})
+    assert alone.model is models[0]
+    assert among.model is not models[1]
 
 
 @pytest.mark.parametrize(

@@ -56,6 +56,19 @@ def test_from_beside_the_path_the_robot_comes_back_to_it(run):
     assert np.abs(states[-1].q - run.trajectory.end).max() < 2e-3
 
 
+@pytest.mark.parametrize("turns", [1.0, -2.0])
+def test_a_joint_without_limits_follows_in_the_turn_in_which_it_stands(tmp_path, turns):
+    file = tmp_path / "robot.yaml"
+    dh = "{convention: standard, unit: rad, radius: 0.05, rows: [{name: turn, joint: revolute, a: 0.3}]}"
+    file.write_text(f"version: 1\nname: one\ndh: {dh}\nlimits: {{velocity: 2, acceleration: 8, jerk: 80}}\n")
+    run = op.plan(op.Problem(str(file), [0.1], [1.5]), budget=1.0)
+    q = run.trajectory.start + 2.0 * np.pi * turns
+    motion, states = follow(run, op.Controller(run.problem.robot, []), 0.002, op.State(q))
+    assert motion.done
+    assert states[-1].q == pytest.approx(run.trajectory.end + 2.0 * np.pi * turns, abs=2e-3)
+    assert len(states) < 1.5 * run.duration / 0.002
+
+
 def test_what_a_motion_passes_is_passed_where_an_obstacle_is_placed_anew(run):
     robot, t = run.problem.robot, 0.6 * run.duration
     tip = robot.fk(run.trajectory(t)).matrix[:3, 3]

@@ -43,4 +43,13 @@ TEST(a_stop_into_the_box_is_not_clear) {
         path.start(q, v, none, limit, jerk, 2, 0.01);
         CHECK(watched.stop_is_clear(path, view, least) == (speed < 1.0));
     }
+    const double lost[2] = {NAN, 0.0}, open[2] = {-0.1, -0.1};
+    View unknown = watched.look(q, nullptr);
+    unknown.near.clear(), unknown.distance.clear();
+    unknown.bound.assign(2, NAN);
+    StopPath still, nowhere;
+    still.start(q, none, none, limit, jerk, 2, 0.01), nowhere.start(lost, none, none, limit, jerk, 2, 0.01);
+    CHECK(watched.stop_is_clear(still, unknown, open));  // it is measured
+    CHECK(!watched.stop_is_clear(nowhere, unknown, open));
+    CHECK(watched.look(q, &unknown).near == watched.look(q, nullptr).near);
 }

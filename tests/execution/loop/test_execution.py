@@ -271,12 +271,16 @@ def test_a_bug_in_the_loop_stops_the_driver(run, monkeypatch):
 def test_a_robot_that_stands_elsewhere_is_not_started(run):
     robot = FollowingRobot(run)
     robot.q = robot.q + np.array([0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0])
-    execution = op.Execution(op.Executor(run), robot)
+    got, execution = [], op.Execution(op.Executor(run), robot)
+    execution.subscribe(got.append)
     with pytest.raises(DriverError, match=r"panda_joint2 is at -0\.6850, where -0\.7850 is expected"):
         execution.start()
     assert execution.over
     assert robot.ticks == []
     assert robot.stopped == ["not started"]
+    until(lambda: got)
+    assert (got[0]["kind"], got[0]["phase"], got[0]["over"]) == ("end", "stopped", True)
+    assert "does not stand where the motion begins" in execution.snapshot()["reason"]
 
 
 @pytest.mark.parametrize("turns", [1.0, -2.0])

@@ -138,6 +138,36 @@ def test_what_waits_gets_every_set_point_however_late(run):
     assert np.allclose(np.diff([tick.t for tick in robot.ticks]), PERIOD)
 
 
+def test_what_was_seen_grows_old_while_single_set_points_are_late(run):
+    """Each is 8 ms late: the robot stops as soon after the last data as in time, and obstacles are where they are."""
+    person = op.Cylinder("person", radius=0.3, length=1.8, position=(6.0, 0.0, 0.9))
+    rule = op.Separation("person", reaction=0.1, intrusion=0.1, sensor_uncertainty=0.0, robot_uncertainty=0.0)
+    executor = op.Executor(run, separation=rule)
+    executor.update_scene({"person": person})
+    robot = FollowingRobot(run, clock=SetClock(dict.fromkeys(range(1, 1000), 0.008)))
+    execution = op.Execution(executor, robot, clock=robot.clock)
+    send, ball, given = robot.send, op.Sphere("ball", 0.05, position=(3.0, 0.0, 0.5)), []
+
+    def sends(tick):
+        send(tick)
+        if len(robot.ticks) == 3:
+            given.append(robot.clock.now())
+            velocity, seen = np.array([0.1, 0.0, 0.0]), {"ball": ball}
+            execution.update_scene(seen, {"ball": velocity}, age=0.02)
+            velocity[:], seen["ball"] = np.nan, None  # the caller may write into its own again
+        if len(robot.ticks) == 60:
+            execution.stop()
+
+    robot.send = sends
+    execution.start()
+    execution.wait(30.0)
+    old = next(k for k, tick in enumerate(robot.ticks) if "are 0." in tick.status.reason)
+    assert 0.1 <= robot.came[old] - robot.came[0] < 0.1 + 0.01
+    assert robot.came[-1] - robot.came[0] > 0.5
+    (seen,) = executor._scene._obstacles.values()
+    assert executor.time - seen.time == pytest.approx(robot.came[-1] - given[0] + 0.02, abs=1.01 * PERIOD)
+
+
 def test_words_of_errors():
     assert in_words(OptiPlanError("the robot is off")) == "the robot is off"
     assert in_words(ValueError("no\n number")) == "ValueError: no number"

@@ -106,6 +106,19 @@ def test_the_scene_of_a_plan_is_the_one_that_will_be_there(ahead):
     assert [one.name for one in scene.standing.obstacles] == ["new"]
 
 
+def test_older_data_neither_replace_nor_erase_newer_ones(ahead):
+    run, at = ahead
+    executor = started(run)
+    executor.update_scene({"new": op.Sphere("new", 0.06, position=at)})
+    for older in (None, op.Pose((2.0, 0.0, 0.5))):
+        executor.update_scene({"new": older}, age=0.05)
+        assert executor._scene._obstacles["new"].time == executor.time
+        assert executor.status.phase != "running"
+    executor.update_scene({"new": None})
+    executor.update_scene({"new": op.Sphere("new", 0.06, position=at)}, age=0.05)
+    assert executor._scene.names == ()
+
+
 def test_a_velocity_that_is_written_again_moves_no_obstacle_that_was_seen(ahead):
     """A program may keep one array for all velocities that it hands over."""
     run, at = ahead

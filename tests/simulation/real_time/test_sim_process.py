@@ -1,5 +1,8 @@
 """The simulated robot without its clock: it follows, takes and releases what a task says, and reports."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -51,6 +54,19 @@ def test_a_report_has_what_a_person_wants_to_know(task):
     assert kinds[0] is Packet.STATE
     report = data_of(packets[-1][1])
     assert (report["contacts"], report["error_max"], report["interval_std"]) == ([], 0.0, None)
+
+
+def test_what_fails_is_told_to_the_driver_and_to_nobody_else():
+    ours, theirs = connected()
+    with ours, theirs:
+        command = [sys.executable, "-m", "optiplan.simulation.real_time.sim_process", str(theirs.fileno())]
+        done = subprocess.run(
+            command, pass_fds=[theirs.fileno()], input=b"no setup", capture_output=True, timeout=60, check=False
+        )
+        ((kind, content),) = received(ours)
+    assert (done.returncode, done.stderr) == (1, b"")
+    assert kind is Packet.FAILED
+    assert data_of(content).startswith("UnpicklingError: ")
 
 
 def test_packets_stay_whole(task):

@@ -37,7 +37,7 @@ View ClearanceWatch::look(const double *q, const View *before) {
     const Placement at = placed(q);
     for (std::size_t p = 0; p < count; ++p) {
         const double comes = rules_.influence[p], stays = rules_.kept * comes;
-        if (!(view.bound[p] < (seen_[p] ? stays : comes))) continue;
+        if (view.bound[p] >= (seen_[p] ? stays : comes)) continue;
         Features features = before && seen_[p] ? before->features[seen_[p] - 1] : Features{};
         const Contact contact{0, static_cast<int>(p), world_.nearest_points(at, static_cast<int>(p), INF, &features)};
         const double distance = view.bound[p] = contact.witness.distance;
@@ -57,7 +57,7 @@ bool ClearanceWatch::measure(const Placement &at, const std::vector<int> &which,
     out.clear();
     for (int p : which) {
         out.push_back(world_.nearest_points(at, p, INF).distance);
-        if (out.back() < least[p]) return false;
+        if (!(out.back() >= least[p])) return false;
     }
     return true;
 }
@@ -72,15 +72,16 @@ static double least_between(double d_0, double d_1, double chord) {
     return std::sqrt(std::fmax(d_0 * d_0 - foot * foot, 0.0));
 }
 
+// Written so that what is no number is not clear.
 bool ClearanceWatch::stop_is_clear(const StopPath &path, const View &start, const double *least) {
     const std::size_t n = joints();
     for (std::size_t k = 0; k < start.near.size(); ++k)
-        if (start.distance[k] < least[start.near[k]]) return false;
+        if (!(start.distance[k] >= least[start.near[k]])) return false;
     Part whole{0, path.steps, {}, {}, {}, {}, {}, start.q, path.end};
     for (std::size_t p = 0; p < pairs(); ++p) {
         double travel = 0.0;
         for (std::size_t j = 0; j < n; ++j) travel += arms_[p * n + j] * path.way[j];
-        if (start.bound[p] - travel < least[p]) {
+        if (!(start.bound[p] - travel >= least[p])) {
             whole.which.push_back(static_cast<int>(p));
             whole.distance.push_back(start.bound[p]);
         }
@@ -99,7 +100,7 @@ bool ClearanceWatch::part_is_clear(const StopPath &path, const Part &part, const
     for (std::size_t k = 0; k < part.which.size(); ++k) {
         const int p = part.which[k];
         const double straight = least_between(part.distance[k], part.last_distance[k], chord(part.at, part.last_at, p));
-        if (straight < least[p] || straight - deviation(path, part, p) < least[p]) {
+        if (!(straight >= least[p] && straight - deviation(path, part, p) >= least[p])) {
             before.which.push_back(p);
             before.distance.push_back(part.distance[k]);
             last.push_back(part.last_distance[k]);
