@@ -16,7 +16,7 @@ from io import TextIOWrapper
 import typer
 from typer.core import TyperGroup
 
-from optiplan.cli.output import Exit, end_with, print_error, print_json, report_error
+from optiplan.cli.output import Exit, end_with, file_error, print_error, print_json, report_error
 from optiplan.cli.program import program
 from optiplan.errors import InputError, Issue, OptiPlanError
 
@@ -104,8 +104,7 @@ def run(arguments: Sequence[str]) -> int:
             print_error(f"optiplan: the output cannot be written: {error.strerror or error}")
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
             return Exit.BUG
-        # a file that a person named cannot be read or written
-        report_error(_file_error(error), as_json)
+        report_error(file_error(error), as_json)
         return Exit.BAD_INPUT
     except Exception as error:
         if os.environ.get("OPTIPLAN_DEBUG"):
@@ -121,12 +120,6 @@ def _missing_library(name: str) -> InputError:
     package = DEBIAN.get(name)
     cure = "it installed" + (f" (Debian, Ubuntu: apt install {package})" if package else "")
     return InputError([Issue("this system", None, name, "no such library", cure)])
-
-
-def _file_error(error: OSError) -> InputError:
-    expected = "a file, not a folder" if error.errno == errno.EISDIR else "one that can be read or written"
-    found = str(error.strerror or error).lower()
-    return InputError([Issue(str(error.filename or "file"), None, "file", found, expected)])
 
 
 def _without_shell() -> int:

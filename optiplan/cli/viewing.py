@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console
+
 from optiplan.cli.output import print_error, results
 from optiplan.errors import InputError, Issue
 from optiplan.problem.load import problem_from_dict
@@ -90,11 +92,18 @@ def plotted_runs(places: Sequence[Path]) -> tuple[list[PlottedRun], list[str]]:
 
 
 def serve_page(
-    problem: Problem, runs: Sequence[ViewedRun], port: int = FIRST_PORT, meshcat_port: int | None = None
+    problem: Problem,
+    runs: Sequence[ViewedRun],
+    port: int = FIRST_PORT,
+    meshcat_port: int | None = None,
+    console: Console | None = None,
 ) -> None:
-    """Serve until ctrl-C; with a port for meshcat also what scripts draw, and what they get wrong is told on stderr."""
+    """Serve until ctrl-C; with a port for meshcat also what scripts draw, and what they get wrong is told on stderr.
+
+    The address is printed on `console`, by default stdout.
+    """
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    console = results()
+    console = console or results()
     if meshcat_port is None:
         serve_runs(problem, runs, port=port, on_ready=lambda url: console.print(OPENED.format(url)))
         return

@@ -9,9 +9,10 @@ from typing import Annotated, Any
 
 import typer
 
+from optiplan.cli.commands.studies import shown
 from optiplan.cli.completion import robot_names
 from optiplan.cli.options import AsJson
-from optiplan.cli.output import plain_table, print_json, results, say, stdout_is_ours
+from optiplan.cli.output import plain_table, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 
 
@@ -82,6 +83,7 @@ def workspace(
     """
     from optiplan.api.workspaces import workspace as study
     from optiplan.runs.run_folder import check_folder
+    from optiplan.viewer.workspaces.export import save_workspaces
     from optiplan.workspace.accuracy import DEFAULT_RESOLUTION
 
     if resolution is not None and not accuracy:
@@ -108,20 +110,7 @@ def workspace(
             )
             found.append(one)
             rows.append(_row(found[-1], time.perf_counter() - began))
-        files = [] if out is None else _save(found, out)
-    if as_json:
-        print_json({"robots": rows, "files": [str(path) for path in files], "exit_code": 0})
-        return 0
-    _show(rows, wanted)
-    for path in files:
-        say(f"written: {path}")
-    return 0
-
-
-def _save(found: list[Any], out: Path) -> list[Path]:
-    from optiplan.viewer.workspaces.export import save_workspaces
-
-    return save_workspaces(found, out)
+    return shown({"robots": rows}, lambda: _show(rows, wanted), 0, as_json, out, partial(save_workspaces, found))
 
 
 def _row(one: Any, seconds: float) -> dict[str, Any]:

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.console import Console
 
 from optiplan.cli.options import AsJson
-from optiplan.cli.output import print_json, results, say, stdout_is_ours
+from optiplan.cli.output import messages, print_json, results, say, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="the folder of a suite's results")]
@@ -69,7 +70,7 @@ def report(
         else:
             say("\n".join(map(str, written)))
         if serve:
-            _serve(store.folder)
+            _serve(store.folder, messages() if as_json else results())
     return 0
 
 
@@ -152,12 +153,12 @@ def _shown(folders: list[Path]) -> Iterator[Any]:
         yield store
 
 
-def _serve(folder: Path) -> None:
+def _serve(folder: Path, console: Console) -> None:
     from optiplan.bench.report.server import ReportServer
 
     signal.signal(signal.SIGINT, signal.default_int_handler)
     with ReportServer(folder) as server:
-        results().print(f"open {server.url} in a browser (ctrl-C ends)")
+        console.print(f"open {server.url} in a browser (ctrl-C ends)")
         try:
             server.serve_forever(poll_interval=0.2)
         except KeyboardInterrupt:
