@@ -62,7 +62,7 @@ def open_runs(places: Sequence[Path]) -> tuple[Problem, list[ViewedRun]]:
         for problem, run, label in zip(own, stored, labels, strict=True)
     ]
     return own[0], [
-        one._replace(log=read_log(run.place)) if EXECUTED in run.record else one
+        one._replace(log=read_log(run.place)) if run.record.get(EXECUTED) else one
         for one, run in zip(viewed, stored, strict=True)
     ]
 
@@ -125,7 +125,7 @@ def shown(record: Mapping[str, Any], trajectory: Trajectory | None, label: str =
 
 
 def _judged(problem: Problem, run: StoredRun) -> Mapping[str, Any]:
-    if run.trajectory is None or EXECUTED in run.record:  # what was executed is looked at, not proved
+    if run.trajectory is None or run.record.get(EXECUTED):  # what was executed is looked at, not proved
         return run.record
     return {**run.record, "report": verify(problem, run.trajectory, given=run.given).to_dict()}
 
