@@ -34,6 +34,9 @@ USAGE = {
 NO_COMMAND = re.compile(r"No such command '.*'\.")
 """Of typer, where no name is near the one that was given."""
 
+NO_ANSWER = "no answer; expected one, or the options that say what is asked for"
+"""Where the input ends at a question."""
+
 COMPLETION = ("--install-completion", "--show-completion")
 """Typer's own: they work for the shell that calls, and end with 1 where there is none."""
 
@@ -91,7 +94,7 @@ def run(arguments: Sequence[str]) -> int:
         app = program(arguments[0] if arguments else None)
         code = int(app(list(arguments) or ["--help"], prog_name="optiplan", standalone_mode=False) or 0)
         return _without_shell() if code and set(arguments) & set(COMPLETION) else code
-    except typer.TyperException as error:  # the command line itself is wrong
+    except (typer.TyperException, typer.Abort) as error:  # the command line is wrong, or a question has no answer
         return _usage(error, as_json)
     except OptiPlanError as error:
         report_error(error, as_json)
@@ -135,10 +138,10 @@ def _refuse_empty_values(arguments: Sequence[str]) -> None:
             raise typer.BadParameter(f"an empty value {place}; expected a word")
 
 
-def _usage(error: typer.TyperException, as_json: bool) -> int:
+def _usage(error: typer.TyperException | typer.Abort, as_json: bool) -> int:
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "optiplan"
-    text = error.format_message()
+    text = NO_ANSWER if isinstance(error, typer.Abort) else error.format_message()
     for theirs, ours in USAGE.items():
         text = re.sub(theirs, ours, text)
     if context is not None and isinstance(context.command, TyperGroup) and NO_COMMAND.fullmatch(text):

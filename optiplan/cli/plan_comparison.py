@@ -179,7 +179,7 @@ def _table(runs: Sequence[Run], bound: Bound, headings: Sequence[str], reasons: 
             )
         )
         why = [escape(run.why_not)] if reasons else []
-        table.add_row(run.planner, *(cells[heading] for heading in headings), *why)
+        table.add_row(escape(run.planner), *(cells[heading] for heading in headings), *why)
     return table
 
 

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from optiplan.cli.completion import planner_names, problem_names
-from optiplan.cli.options import AsJson, Full
+from optiplan.cli.options import AsJson, Full, refuse
 from optiplan.cli.output import (
     Exit,
     interruptible,
@@ -119,8 +119,7 @@ def plan(
         one = {"--seed": seed, "--view": view or None, "--server": server or None, "--tracking-error": tracking_error}
         one |= {"--bound": bound, "--full": full or None}
         return _folder(Path(file), out, planner, budget, as_json, {**asked, "workers": workers}, one)
-    if wrong := [f"--{flag}" for flag, value in asked.items() if value is not None]:
-        raise typer.BadParameter("goes with a folder of problems", param_hint=wrong[0])
+    refuse({f"--{flag}": value for flag, value in asked.items()}, "goes with a folder of problems")
     from optiplan.api.planning import with_tracking_error
     from optiplan.cli import plan_comparison
     from optiplan.problem.load import load_problem
@@ -158,8 +157,7 @@ def _of_several_planners(server: str, one: dict[str, Any]) -> None:
     """Refuse what goes with one planner only; `one` are such flags."""
     if server:
         raise typer.BadParameter("a server runs one planner at a time", param_hint="--planner")
-    if wrong := [flag for flag, value in one.items() if value is not None]:
-        raise typer.BadParameter("goes with one planner at a time", param_hint=wrong[0])
+    refuse(one, "goes with one planner at a time")
 
 
 def _folder(
@@ -175,8 +173,7 @@ def _folder(
     from optiplan.api.batches import RATE as SAMPLES
     from optiplan.cli.plan_folder import plan_folder
 
-    if wrong := [flag for flag, value in one.items() if value is not None]:
-        raise typer.BadParameter("goes with one problem, not with a folder", param_hint=wrong[0])
+    refuse(one, "goes with one problem, not with a folder")
     given = {**asked, "rate": asked["rate"] or SAMPLES, "lerobot": bool(asked["lerobot"]), "dask": asked["dask"] or ""}
     return plan_folder(folder, out, planner, budget, as_json, given)
 

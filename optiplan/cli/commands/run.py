@@ -10,7 +10,7 @@ import typer
 
 from optiplan.cli.commands.plan import BUDGET, above_zero, positive, positive_or_none
 from optiplan.cli.completion import planner_names, problem_names
-from optiplan.cli.options import AsJson
+from optiplan.cli.options import AsJson, refuse
 from optiplan.cli.output import Exit, end_with, handling, print_error, print_json, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 from optiplan.errors import InputError, OptiPlanError
@@ -139,8 +139,7 @@ def _motion(file: str, planner: str | None, budget: float | None, progress: Prog
 
     path = Path(file)
     if (path / "run.json").is_file() or path.name == "run.json":
-        if wrong := [flag for flag, given in {"--planner": planner, "--budget": budget}.items() if given is not None]:
-            raise typer.BadParameter("goes with a problem, not with the folder of a run", param_hint=wrong[0])
+        refuse({"--planner": planner, "--budget": budget}, "goes with a problem, not with the folder of a run")
         return load_run(path)
     path = find_problem(file)
     problem = load_problem(path)

@@ -84,7 +84,9 @@ def run(
     folder = out or results_folder(chosen.spec.name)
     with open_results(chosen, folder, add) as store:
         for words in other_versions(store):
-            messages().print(f"note: earlier runs were made with another version of {words}", style="yellow")
+            messages().print(
+                f"note: earlier runs were made with another version of {words}", style="yellow", markup=False
+            )
         # Ctrl-C and SIGTERM end the current runs and let finished ones be stored
         ends = handling((signal.SIGINT, signal.SIGTERM), lambda *_: pool.close())
         with ends, progress(chosen.size, found_runs(chosen, store)) as watch:
@@ -186,12 +188,13 @@ def import_results(
 
 def _workforce(workers: int | None, dask: str | None, pin: bool) -> tuple[Any, str]:
     """Return the workforce, and its name in the results."""
-    from optiplan.bench.bench import available_cores, workforce
+    from optiplan.bench.bench import workforce
+    from optiplan.cores import cores
 
-    cores = available_cores()
-    count = workers or cores
-    if dask is None and pin and count > cores:
-        raise typer.BadParameter(f"--pin: {count} workers, and {cores} cores for them: expected --workers {cores}")
+    if dask is None and pin and (workers or 0) > cores():
+        raise typer.BadParameter(
+            f"--pin: {workers} workers, and {cores()} cores for them: expected --workers {cores()}"
+        )
     if dask is not None and (workers is not None or pin):
         raise typer.BadParameter("--dask brings its own workers: leave out --workers and --pin")
     return workforce(workers, dask, pin)

@@ -55,5 +55,5 @@ def _print(found: "Assignment") -> None:
         table = plain_table((), ("job", "arm", "begin, s", "end, s"))
         for one in found.jobs:
             table.add_row(one.job, one.arm, f"{one.begin:.3f}", f"{one.end:.3f}")
-        results().print(table)
+        results().print(table, markup=False)
     results().print(found.words, soft_wrap=True, markup=False)

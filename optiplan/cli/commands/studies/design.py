@@ -77,5 +77,5 @@ def _print(found: "DesignResult") -> None:
             seconds = "" if proof.cycle_time is None else f" in {proof.cycle_time:.3f} s"
             words += f": verified{seconds}" if proof.verified else ": not verified"
         table.add_row(*(f"{row[name]:.4g}" if name in row else "–" for name in names), words)
-    results().print(table)
-    results().print(found.words, soft_wrap=True)
+    results().print(table, markup=False)
+    results().print(found.words, soft_wrap=True, markup=False)

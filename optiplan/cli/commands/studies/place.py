@@ -74,7 +74,7 @@ def _print(found: "Placement") -> None:
         duration = "–" if run.duration is None else f"{run.duration:.3f}"
         verified = "yes" if run.verified else "no"
         table.add_row(*(f"{value:.3f}" for value in moved), duration, verified)
-    results().print(table)
+    results().print(table, markup=False)
     for moved, why in found.unverified:
         x, y, z, yaw = moved
         say(f"not verified at x {x:.3f} m, y {y:.3f} m, z {z:.3f} m, yaw {yaw:.3f} rad: {why}", style="red")
