@@ -14,7 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from optiplan.api.checking import choose, placed
-from optiplan.cli.output import Exit, handling, messages, results, saved, show_result, stdout_is_ours
+from optiplan.cli.output import Exit, handling, messages, results, saved, show_result, stdout_is_ours, tell_interrupted
 from optiplan.cli.progress import ProgressLine
 from optiplan.errors import InputError, Issue
 from optiplan.planners.base import Budget, Failure
@@ -121,6 +121,8 @@ def exit_code(runs: Sequence[Run]) -> Exit:
 
 def show(runs: Sequence[Run], as_json: bool, unsaved: Sequence[InputError] = (), interrupted: bool = False) -> int:
     """Print the comparison on stdout, as a table or as one JSON object; return its exit code."""
+    if not runs:
+        return tell_interrupted("no planner was done", as_json)
     bound = bound_of(runs)
     rows = [{**run.to_dict(), "ratio": bound.ratio(run.duration)} for run in runs]
     data = {"runs": rows, "bound": {"seconds": bound.seconds, "of": bound.words}}

@@ -22,7 +22,6 @@ from optiplan.cli.output import (
     saved,
     show_result,
     stdout_is_ours,
-    tell_interrupted,
 )
 from optiplan.cli.progress import KeptAnswer
 from optiplan.errors import InputError
@@ -139,8 +138,6 @@ def plan(
         _check_bound(problem, bound)
     if names:
         runs, unsaved, interrupted = plan_comparison.run_all(path, problem, names, budget, out)
-        if not runs:
-            return tell_interrupted("no planner was done", as_json)
         code = plan_comparison.show(runs, as_json, unsaved, interrupted)
     else:
         progress, more = KeptAnswer(), {} if workers is None else {"workers": workers}
