@@ -1,5 +1,6 @@
 """The processor cores that this process is given, and how its threads and processes share them."""
 
+import multiprocessing
 import os
 import sys
 import threading
@@ -16,6 +17,9 @@ QUICK = 5e-4
 
 THREADS = "OMP_NUM_THREADS"
 """Variable by which numerical libraries, when they are loaded, set their number of threads."""
+
+WHY_DEAD = 'killed, out of memory, or started by a script without `if __name__ == "__main__":` around its start'
+"""Why a process may have ended before its work was done."""
 
 _starting = threading.Lock()
 _switching = threading.Lock()
@@ -53,7 +57,13 @@ class OneThreadProcess(SpawnProcess):
     """
 
     def start(self) -> None:
-        """Start the process; the variable is as before then."""
+        """Start the process; the variable is as before then.
+
+        A process that is starting itself, since a script without a guard calls for processes while they import it,
+        ends instead: it would start others without end, and the one that started it says so.
+        """
+        if getattr(multiprocessing.current_process(), "_inheriting", False):
+            raise SystemExit(1)
         with _starting:
             before = os.environ.get(THREADS)
             os.environ[THREADS] = "1"

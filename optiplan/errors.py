@@ -219,5 +219,25 @@ class InputError(OptiPlanError):
         )
 
 
+@contextmanager
+def words_of_call(call: str, words: Mapping[str, str]) -> Iterator[None]:
+    """Let an error name a Python call, and its arguments in place of the options of the command line.
+
+    Args:
+        call: such as `op.bench`.
+        words: of the command line, and what the call has in their place.
+    """
+    try:
+        yield
+    except InputError as error:
+        issues = []
+        for issue in error.issues:
+            expected = issue.expected
+            for option, argument in words.items():
+                expected = expected.replace(option, argument)
+            issues.append(replace(issue, file=f"{call}: {issue.file}", expected=expected))
+        raise InputError(issues) from None
+
+
 class PlannerAnswerError(InputError):
     """A planner from outside returned what is no answer; in comparisons a bug of that planner."""

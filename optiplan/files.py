@@ -12,7 +12,7 @@ import os
 import stat
 import tempfile
 import threading
-from collections.abc import Callable, Iterable, Iterator, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -194,6 +194,22 @@ def write_bytes(path: Path, content: bytes) -> None:
 def write_text(path: Path, text: str) -> None:
     """Write UTF-8 text whole or not at all, as `replacing`."""
     write_bytes(path, text.encode())
+
+
+def write_result(folder: Path, page: str, files: Mapping[str, bytes], perhaps: str) -> list[Path]:
+    """Write the files of a result, the page among them, and return their paths.
+
+    Args:
+        folder: made when it is not there.
+        page: the file by which a folder is known to hold an earlier result.
+        files: content by name.
+        perhaps: a file that not every result has: one of an earlier result is removed, since it is not of this one.
+    """
+    if perhaps not in files and (folder / page).is_file():
+        (folder / perhaps).unlink(missing_ok=True)
+    for name, content in files.items():
+        write_bytes(folder / name, content)
+    return [folder / name for name in files]
 
 
 def user_folder(variable: str, default: str) -> Path:

@@ -22,6 +22,7 @@ from optiplan.errors import (
     path_argument,
     progress_argument,
     text_argument,
+    words_of_call,
     wrong_argument,
 )
 from optiplan.importers.robots.describe import describe
@@ -30,6 +31,9 @@ from optiplan.robot.limits import DEFAULTS, joint_units
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.robot.urdf.srdf import link_pair
 from optiplan.verify.continuous.kept_clearance import prove_kept_clearances as prove
+
+_WORDS = {"--force": "replace_files=True", "--out DIR": "`out`"}
+"""Options of the command line, and the arguments in their place."""
 
 TOUCHING = "touching"
 
@@ -100,7 +104,8 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
     for key, value in (limits or {}).items():
         number_argument("init_robot", f"limits[{key!r}]", value, "a finite number > 0")
     checked = tuple(checked_limit(key, value) for key, value in (limits or {}).items())
-    refuse_files(folder, replace_files)
+    with words_of_call("op.init_robot", _WORDS):
+        refuse_files(folder, replace_files)
     pairs = () if isinstance(allow_pairs, str) else tuple(link_pair(*pair) for pair in allow_pairs)
     if isinstance(allow_pairs, str) and allow_pairs != TOUCHING:
         expected = f"'{TOUCHING}', or pairs of links such as [('link_4', 'link_6')]"
@@ -108,7 +113,8 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
     choices = Choices(tuple(group), tool_frame, tuple((locked or {}).items()), checked, pairs)
     progress("reading the robot", 0.0)
     read = describe(path)
-    refuse_files(folder, replace_files, read)
+    with words_of_call("op.init_robot", _WORDS):
+        refuse_files(folder, replace_files, read)
     with laid_out(read, name) as source:
         robot, choices = prepare(source, choices, allow_pairs == TOUCHING, progress)
         write_robot(source, folder, robot, choices)

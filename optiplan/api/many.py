@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from optiplan.api.planning import BUDGET, checked_problem, positive_seconds
-from optiplan.cores import OneThreadContext, cores
+from optiplan.cores import WHY_DEAD, OneThreadContext, cores
 from optiplan.errors import (
     InputError,
     OptiPlanError,
@@ -176,7 +176,7 @@ def _answer(future: "Future[Run]", request: _Request) -> Run:
     try:
         return future.result()
     except BrokenProcessPool:
-        told = f"a worker process died before '{name}' was planned, killed or out of memory; runs before it are whole"
+        told = f"a worker process died before '{name}' was planned: {WHY_DEAD}; runs before it are whole"
         raise OptiPlanError(f"op.plan_many: {told}") from None
     except InputError as error:  # a worker could not read the problem
         raise OptiPlanError(f"op.plan_many: a worker cannot read '{name}': {error}") from None

@@ -63,6 +63,8 @@ def workspace(  # noqa: PLR0913  # one keyword for each option of the command
         InputError: an argument that does not fit.
         OptiPlanError: there is no such robot or frame, a sliding joint has no limits, or too many configurations.
 
+    A script that calls it guards its own start with `if __name__ == "__main__":`, since the processes import it.
+
     Example:
         >>> import optiplan as op
         >>> op.workspace("planar2r", samples=2000)
@@ -84,6 +86,10 @@ def workspace(  # noqa: PLR0913  # one keyword for each option of the command
         raise wrong_argument("workspace", "progress", described(progress), "a function of a fraction")
     if floor is not None:
         number_argument("workspace", "floor", floor, "a height in m")
+        if not collision:
+            raise wrong_argument(
+                "workspace", "floor", "a floor with collision=False", "none where no touch is looked for"
+            )
     if resolution is not None and not isinstance(resolution, str):
         raise wrong_argument("workspace", "resolution", described(resolution), "text, such as '17bit' or '1e-4'")
     if not isinstance(robot, Robot | str | Path):

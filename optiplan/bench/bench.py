@@ -1,22 +1,29 @@
 """`bench`: every run of a suite, and what came of them."""
 
 import json
-import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from optiplan.bench.execution.pool import LocalPool, Workforce
-from optiplan.bench.execution.runner import Summary, open_results, run_suite
+from optiplan.bench.execution.runner import Summary, found_runs, open_results, run_suite
 from optiplan.bench.results.best_known import BestKnownTable, Standing, hold_against
 from optiplan.bench.results.database import JSON_COLUMNS, Store
 from optiplan.bench.results.export import FLAGS
 from optiplan.bench.results.records import Outcome
 from optiplan.bench.results.summary import failure_counts, planner_numbers, planner_table
 from optiplan.bench.suite.suite import load_suite
-from optiplan.errors import InputError, described, flag_argument, path_argument, progress_argument, wrong_argument
+from optiplan.cores import cores
+from optiplan.errors import (
+    described,
+    flag_argument,
+    path_argument,
+    progress_argument,
+    words_of_call,
+    wrong_argument,
+)
 from optiplan.planners.base import Progress
 
 
@@ -111,13 +118,11 @@ def bench(  # noqa: PLR0913  # one keyword for each option of the command
     table = None if known is None else BestKnownTable(known)
     chosen = load_suite(file, scratch_folder(file, given))
     folder = given or results_folder(chosen.spec.name)
-    try:
+    with words_of_call("op.bench", {"with --add": "with add=True", "with --out": "as `out`"}):
         store = open_results(chosen, folder, add)
-    except InputError as error:
-        raise _of_arguments(error) from None
     with store:
         pool, label = workforce(workers, dask, pin)
-        done = run_suite(chosen, store, pool, label, _watch(progress, chosen.size, len(store.done())))
+        done = run_suite(chosen, store, pool, label, _watch(progress, chosen.size, found_runs(chosen, store)))
         standing = None if table is None else held_against(store, table)
         return _results(store, done, standing)
 
@@ -125,17 +130,12 @@ def bench(  # noqa: PLR0913  # one keyword for each option of the command
 def workforce(workers: int | None, dask: str | None, pin: bool) -> tuple[Workforce, str]:
     """Return what carries out the runs, and its name in the results."""
     if dask is None:
-        count = workers or available_cores()
+        count = workers or cores()
         return LocalPool(count, pin), f"{count} local" + (", each on a core of its own" if pin else "")
     from optiplan.bench.dask.cluster import DaskCluster
 
     cluster = DaskCluster(dask)
     return cluster, f"{cluster.slots} dask {dask}"
-
-
-def available_cores() -> int:
-    """Return the number of cores that this process may use."""
-    return len(os.sched_getaffinity(0))
 
 
 def held_against(store: Store, table: BestKnownTable) -> Standing:
@@ -167,9 +167,8 @@ def _check_workers(workers: Any, dask: Any, pin: bool) -> None:
     if dask is not None and (workers is not None or pin):
         given = "workers" if workers is not None else "pin"
         raise wrong_argument("bench", given, f"{given} beside dask", "no such argument: a cluster has its own workers")
-    cores = available_cores()
-    if pin and (workers or cores) > cores:
-        raise wrong_argument("bench", "workers", f"{workers} pinned workers", f"at most {cores}, one for each core")
+    if pin and (workers or 0) > cores():
+        raise wrong_argument("bench", "workers", f"{workers} pinned workers", f"at most {cores()}, one for each core")
 
 
 def _watch(progress: Progress | None, total: int, stored: int) -> Callable[[Outcome], None]:
@@ -193,18 +192,6 @@ def _results(store: Store, done: Summary, standing: Standing | None) -> BenchRes
     counts = done.total, done.found, done.made
     numbers = planner_numbers(store, standing), failure_counts(store)
     return BenchResults(store.meta("name"), store.folder, *counts, *numbers, report)
-
-
-def _of_arguments(error: InputError) -> InputError:
-    """Return the error about a folder with the words of the call in place of the command line's."""
-    words = {"with --add": "with add=True", "with --out": "as `out`"}
-    issues = []
-    for issue in error.issues:
-        expected = issue.expected
-        for option, argument in words.items():
-            expected = expected.replace(option, argument)
-        issues.append(replace(issue, file=f"op.bench: {issue.file}", expected=expected))
-    return InputError(issues)
 
 
 def _value(column: str, value: Any) -> Any:

@@ -16,7 +16,7 @@ from io import TextIOWrapper
 import typer
 from typer.core import TyperGroup
 
-from optiplan.cli.output import Exit, end_with, print_error, print_json, report_error
+from optiplan.cli.output import Exit, end_with, file_error, print_error, print_json, report_error
 from optiplan.cli.program import program
 from optiplan.errors import InputError, Issue, OptiPlanError
 
@@ -33,6 +33,9 @@ USAGE = {
 
 NO_COMMAND = re.compile(r"No such command '.*'\.")
 """Of typer, where no name is near the one that was given."""
+
+NO_ANSWER = "no answer; expected one, or the options that say what is asked for"
+"""Where the input ends at a question."""
 
 COMPLETION = ("--install-completion", "--show-completion")
 """Typer's own: they work for the shell that calls, and end with 1 where there is none."""
@@ -91,7 +94,7 @@ def run(arguments: Sequence[str]) -> int:
         app = program(arguments[0] if arguments else None)
         code = int(app(list(arguments) or ["--help"], prog_name="optiplan", standalone_mode=False) or 0)
         return _without_shell() if code and set(arguments) & set(COMPLETION) else code
-    except typer.TyperException as error:  # the command line itself is wrong
+    except (typer.TyperException, typer.Abort) as error:  # the command line is wrong, or a question has no answer
         return _usage(error, as_json)
     except OptiPlanError as error:
         report_error(error, as_json)
@@ -104,8 +107,7 @@ def run(arguments: Sequence[str]) -> int:
             print_error(f"optiplan: the output cannot be written: {error.strerror or error}")
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
             return Exit.BUG
-        # a file that a person named cannot be read or written
-        report_error(_file_error(error), as_json)
+        report_error(file_error(error), as_json)
         return Exit.BAD_INPUT
     except Exception as error:
         if os.environ.get("OPTIPLAN_DEBUG"):
@@ -123,12 +125,6 @@ def _missing_library(name: str) -> InputError:
     return InputError([Issue("this system", None, name, "no such library", cure)])
 
 
-def _file_error(error: OSError) -> InputError:
-    expected = "a file, not a folder" if error.errno == errno.EISDIR else "one that can be read or written"
-    found = str(error.strerror or error).lower()
-    return InputError([Issue(str(error.filename or "file"), None, "file", found, expected)])
-
-
 def _without_shell() -> int:
     print_error("optiplan: not called from a shell; expected bash, zsh, fish or PowerShell")
     return Exit.BAD_INPUT
@@ -142,10 +138,10 @@ def _refuse_empty_values(arguments: Sequence[str]) -> None:
             raise typer.BadParameter(f"an empty value {place}; expected a word")
 
 
-def _usage(error: typer.TyperException, as_json: bool) -> int:
+def _usage(error: typer.TyperException | typer.Abort, as_json: bool) -> int:
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "optiplan"
-    text = error.format_message()
+    text = NO_ANSWER if isinstance(error, typer.Abort) else error.format_message()
     for theirs, ours in USAGE.items():
         text = re.sub(theirs, ours, text)
     if context is not None and isinstance(context.command, TyperGroup) and NO_COMMAND.fullmatch(text):

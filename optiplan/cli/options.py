@@ -1,6 +1,7 @@
 """Arguments and options that several commands share."""
 
 import math
+from collections.abc import Mapping
 from typing import Annotated
 
 import typer
@@ -15,6 +16,21 @@ RobotName = Annotated[
 ]
 Frame = Annotated[str | None, typer.Option(metavar="NAME", help="frame (default: the robot's tool frame)")]
 Group = Annotated[str | None, typer.Option(metavar="NAME", help="the joints that move; see: robots show")]
+
+
+Port = Annotated[
+    int | None, typer.Option(min=0, max=65535, metavar="N", help="first port to try (default: 7000); 0: any")
+]
+
+
+def refuse(given: Mapping[str, object], why: str) -> None:
+    """Refuse the first of these options that is given, one that is not None, where it has no effect.
+
+    Raises:
+        typer.BadParameter: names the option and says why.
+    """
+    if wrong := [option for option, value in given.items() if value is not None]:
+        raise typer.BadParameter(why, param_hint=wrong[0])
 
 
 def numbers(text: str) -> list[float]:

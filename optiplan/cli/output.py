@@ -1,17 +1,19 @@
 """Output conventions of the commands: results on stdout, everything else on stderr, documented exit codes."""
 
+import errno
 import json
 import os
 import signal
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import IntEnum
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from rich.console import Console
 
-from optiplan.errors import InputError, OptiPlanError
+from optiplan.errors import InputError, Issue, OptiPlanError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -65,8 +67,10 @@ def say(text: str, style: str | None = None) -> None:
 
 
 def print_json(data: Mapping[str, Any]) -> None:
-    """Print the JSON object of a command in --json mode."""
-    sys.stdout.write(json.dumps(data, allow_nan=False) + "\n")
+    """Print the JSON object of a command in --json mode; what is not finite is null there."""
+    from optiplan.verify.report import jsonable
+
+    sys.stdout.write(json.dumps(jsonable(data), allow_nan=False) + "\n")
     sys.stdout.flush()
 
 
@@ -84,6 +88,13 @@ def report_error(error: OptiPlanError, as_json: bool) -> None:
         print_error(f"optiplan: {error}" if not isinstance(error, InputError) else str(error))
 
 
+def file_error(error: OSError) -> InputError:
+    """Return the error about a file that a person named and that cannot be read or written."""
+    expected = "a file, not a folder" if error.errno == errno.EISDIR else "one that can be read or written"
+    found = str(error.strerror or error).lower()
+    return InputError([Issue(str(error.filename or "file"), None, "file", found, expected)])
+
+
 @contextmanager
 def stdout_is_ours() -> Iterator[None]:
     """Redirect to stderr what C++ libraries write to file descriptor 1 meanwhile."""
@@ -98,13 +109,21 @@ def stdout_is_ours() -> Iterator[None]:
 
 
 @contextmanager
-def interruptible() -> Iterator[None]:
-    """Let Ctrl-C raise KeyboardInterrupt meanwhile, for commands that keep what they have by then."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+def handling(ends: Sequence[int], handler: Callable[[int, Any], object]) -> Iterator[None]:
+    """Handle these signals so meanwhile."""
+    before = [(end, signal.signal(end, handler)) for end in ends]
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for end, was in before:
+            signal.signal(end, was)
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Let Ctrl-C raise KeyboardInterrupt meanwhile, for commands that keep what they have by then."""
+    with handling((signal.SIGINT,), signal.default_int_handler):
+        yield
 
 
 def end_with(code: Exit, why: str, as_json: bool) -> Exit:
@@ -128,11 +147,36 @@ def interrupts_held() -> Iterator[None]:
     Uses handlers, not a signal mask: threads of libraries would take the signal.
     """
     pressed: list[int] = []
-    handlers = [(end, signal.signal(end, lambda number, _: pressed.append(number))) for end in (signal.SIGINT, *ENDS)]
     try:
-        yield
+        with handling((signal.SIGINT, *ENDS), lambda number, _: pressed.append(number)):
+            yield
     finally:
-        for end, handler in handlers:
-            signal.signal(end, handler)
         for number in pressed[:1]:
             signal.raise_signal(number)
+
+
+def saved(save: Callable[[], Sequence[Path] | None], unsaved: list[InputError]) -> list[str]:
+    """Save a result without an interrupt, and return its files; what prevents that is added to `unsaved`."""
+    try:
+        with interrupts_held():
+            return [str(path) for path in save() or ()]
+    except InputError as error:
+        unsaved.append(error)
+    except OSError as error:
+        unsaved.append(file_error(error))
+    return []
+
+
+def show_result(
+    data: Mapping[str, Any], show: Callable[[], object], code: int, as_json: bool, unsaved: Sequence[InputError] = ()
+) -> int:
+    """Print a result, as JSON or by `show`, even where it could not be saved; return its exit code, which is 2 then."""
+    code = int(Exit.BAD_INPUT if unsaved else code)
+    if as_json:
+        lost = {"error": "\n".join(map(str, unsaved))} if unsaved else {}
+        print_json({**data, **lost, "exit_code": code})
+    else:
+        show()
+    for error in unsaved:
+        print_error(f"not saved: {error}")
+    return code

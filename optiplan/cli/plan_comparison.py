@@ -1,9 +1,12 @@
 """Several planners on one problem: run in turn, saved in their own folders, shown in one table."""
 
 import os
+import signal
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 from rich.console import Console
@@ -11,7 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from optiplan.api.checking import choose, placed
-from optiplan.cli.output import Exit, interrupts_held, messages, print_error, print_json, results, stdout_is_ours
+from optiplan.cli.output import Exit, handling, messages, results, saved, show_result, stdout_is_ours, tell_interrupted
 from optiplan.cli.progress import ProgressLine
 from optiplan.errors import InputError, Issue
 from optiplan.planners.base import Budget, Failure
@@ -23,7 +26,6 @@ from optiplan.runs.common_bound import Bound, common_bound
 from optiplan.runs.pipeline import plan_and_verify_once
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import save_run
-from optiplan.verify.report import jsonable
 
 ALL = "all"
 WIDTH = 170
@@ -46,10 +48,12 @@ def several(requested: str | None) -> tuple[str, ...]:
 
 def run_all(
     path: Path, problem: Problem, names: Sequence[str], seconds: float, out: Path | None
-) -> tuple[list[Run], list[InputError]]:
+) -> tuple[list[Run], list[InputError], bool]:
     """Run each planner with the same budget, best first; the file's planner takes the file's options.
 
-    Each run is saved in `out / name` when finished, and reported on stderr. Also returned: why some are not saved.
+    Each run is saved in `out / name` when finished, and reported on stderr. Ctrl-C ends the planner at work, whose run
+    is kept where it is verified, and leaves out the others; pressed again, it ends the process. Also returned: why some
+    runs are not saved, and whether Ctrl-C was pressed.
 
     Raises:
         InputError: invalid planner options in the file.
@@ -60,25 +64,30 @@ def run_all(
     messages().print(f"{words}, and what it takes to verify", style="dim")
     done: list[Run] = []
     unsaved: list[InputError] = []
-    for k, name in enumerate(names, 1):
-        options = problem.options if name == problem.planner else {}
-        run = _place(path, _one(problem, name, options, seconds))
-        if out is not None:
-            try:
-                with interrupts_held():
-                    save_run(run, out / name)
-            except InputError as error:
-                unsaved.append(error)
-        messages().print(f"{k}/{len(names)} {name}: {_outcome(run)}", markup=False, soft_wrap=True)
-        done.append(run)
-    return sorted(done, key=_rank), unsaved
+    cancel = Event()
+
+    def stop(number: int, _: object) -> None:
+        cancel.set()
+        signal.signal(number, signal.SIG_DFL)
+
+    with handling((signal.SIGINT,), stop):
+        for k, name in enumerate(names, 1):
+            options = problem.options if name == problem.planner else {}
+            run = _place(path, _one(problem, name, options, Budget(seconds, cancel)))
+            if not cancel.is_set() or run.verified:
+                if out is not None:
+                    saved(partial(save_run, run, out / name), unsaved)
+                messages().print(f"{k}/{len(names)} {name}: {_outcome(run)}", markup=False, soft_wrap=True)
+                done.append(run)
+            if cancel.is_set():
+                messages().print(f"interrupted: {len(done)} of {len(names)} planners are done", style="yellow")
+                break
+    return sorted(done, key=_rank), unsaved, cancel.is_set()
 
 
-def _one(problem: Problem, name: str, options: Mapping[str, Any], seconds: float) -> Run:
+def _one(problem: Problem, name: str, options: Mapping[str, Any], budget: Budget) -> Run:
     with stdout_is_ours(), ProgressLine() as line:
-        return plan_and_verify_once(
-            problem, name, options, Budget(seconds), lambda stage, done: line(f"{name}: {stage}", done)
-        )
+        return plan_and_verify_once(problem, name, options, budget, lambda stage, done: line(f"{name}: {stage}", done))
 
 
 def _place(path: Path, run: Run) -> Run:
@@ -110,22 +119,23 @@ def exit_code(runs: Sequence[Run]) -> Exit:
     return Exit.NOT_VERIFIED if any(run.trajectory is not None for run in runs) else Exit.NO_PLAN
 
 
-def show(runs: Sequence[Run], as_json: bool, unsaved: Sequence[InputError] = ()) -> Exit:
+def show(runs: Sequence[Run], as_json: bool, unsaved: Sequence[InputError] = (), interrupted: bool = False) -> int:
     """Print the comparison on stdout, as a table or as one JSON object; return its exit code."""
-    code, bound = Exit.BAD_INPUT if unsaved else exit_code(runs), bound_of(runs)
-    for error in unsaved:
-        print_error(f"a run is not saved: {error}")
-    if as_json:
-        rows = [{**run.to_dict(), "ratio": bound.ratio(run.duration)} for run in runs]
-        found = {"seconds": bound.seconds, "of": bound.words}
-        print_json(jsonable({"runs": rows, "bound": found, "exit_code": int(code)}))
-        return code
+    if not runs:
+        return tell_interrupted("no planner was done", as_json)
+    bound = bound_of(runs)
+    rows = [{**run.to_dict(), "ratio": bound.ratio(run.duration)} for run in runs]
+    data = {"runs": rows, "bound": {"seconds": bound.seconds, "of": bound.words}}
+    code = Exit.INTERRUPTED if interrupted else exit_code(runs)
+    return show_result(data, lambda: _show(runs, bound), code, as_json, unsaved)
+
+
+def _show(runs: Sequence[Run], bound: Bound) -> None:
     problem = runs[0].problem
     console = results()
     console.print(f"{problem.name} · {problem.robot.name} · seed {problem.seed}", style="bold", markup=False)
     width = console.width if console.is_terminal or "COLUMNS" in os.environ else max(console.width, WIDTH)
     _print(Console(width=width, highlight=False), runs, bound)
-    return code
 
 
 TIMES = ("", "planning\ns", "duration\ns", "duration\n/ bound")
@@ -171,7 +181,7 @@ def _table(runs: Sequence[Run], bound: Bound, headings: Sequence[str], reasons: 
             )
         )
         why = [escape(run.why_not)] if reasons else []
-        table.add_row(run.planner, *(cells[heading] for heading in headings), *why)
+        table.add_row(escape(run.planner), *(cells[heading] for heading in headings), *why)
     return table
 
 

@@ -13,6 +13,7 @@ from optiplan.cli.output import (
     messages,
     print_json,
     results,
+    say,
     stdout_is_ours,
     tell_interrupted,
 )
@@ -60,7 +61,7 @@ def plan_folder(
     listed = ", ".join(f"{count} {state}" for state, count in counts.items())
     results().print(f"{listed}; {batch.made} planned now, {batch.kept} kept", highlight=False)
     for path in (batch.out / "episodes", *batch.data_sets):
-        results().print(f"written: {path}", highlight=False, soft_wrap=True)
+        say(f"written: {path}")
     return code
 
 

@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console
+
 from optiplan.cli.output import print_error, results
 from optiplan.errors import InputError, Issue
 from optiplan.problem.load import problem_from_dict
@@ -60,7 +62,7 @@ def open_runs(places: Sequence[Path]) -> tuple[Problem, list[ViewedRun]]:
         for problem, run, label in zip(own, stored, labels, strict=True)
     ]
     return own[0], [
-        one._replace(log=read_log(run.place)) if EXECUTED in run.record else one
+        one._replace(log=read_log(run.place)) if run.record.get(EXECUTED) else one
         for one, run in zip(viewed, stored, strict=True)
     ]
 
@@ -90,11 +92,18 @@ def plotted_runs(places: Sequence[Path]) -> tuple[list[PlottedRun], list[str]]:
 
 
 def serve_page(
-    problem: Problem, runs: Sequence[ViewedRun], port: int = FIRST_PORT, meshcat_port: int | None = None
+    problem: Problem,
+    runs: Sequence[ViewedRun],
+    port: int = FIRST_PORT,
+    meshcat_port: int | None = None,
+    console: Console | None = None,
 ) -> None:
-    """Serve until ctrl-C; with a port for meshcat also what scripts draw, and what they get wrong is told on stderr."""
+    """Serve until ctrl-C; with a port for meshcat also what scripts draw, and what they get wrong is told on stderr.
+
+    The address is printed on `console`, by default stdout.
+    """
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    console = results()
+    console = console or results()
     if meshcat_port is None:
         serve_runs(problem, runs, port=port, on_ready=lambda url: console.print(OPENED.format(url)))
         return
@@ -116,7 +125,7 @@ def shown(record: Mapping[str, Any], trajectory: Trajectory | None, label: str =
 
 
 def _judged(problem: Problem, run: StoredRun) -> Mapping[str, Any]:
-    if run.trajectory is None or EXECUTED in run.record:  # what was executed is looked at, not proved
+    if run.trajectory is None or run.record.get(EXECUTED):  # what was executed is looked at, not proved
         return run.record
     return {**run.record, "report": judged(problem, run).to_dict()}
 

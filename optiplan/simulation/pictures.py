@@ -9,6 +9,9 @@ from optiplan.figure_style import LIMIT, line_style, sheet, styled, svg_of
 from optiplan.robot.limits import Limits
 from optiplan.simulation.log import Log
 
+PICTURES = ("error.svg", "limits.svg", "slack.svg")
+"""Names of all pictures that a log may have."""
+
 _SHOWN = 1500
 """Samples of a curve; more are no finer on paper."""
 

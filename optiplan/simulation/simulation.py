@@ -9,7 +9,7 @@ from optiplan.errors import InputError, Issue, path_argument
 from optiplan.files import write_bytes
 from optiplan.planners.base import Failure
 from optiplan.runs.run import versions
-from optiplan.runs.run_folder import save_run
+from optiplan.runs.run_folder import RUN, save_run
 from optiplan.simulation.closed_loop import simulate
 from optiplan.simulation.execution_report import execution_report
 from optiplan.simulation.files.build import build_loop
@@ -87,13 +87,16 @@ class Simulation:
             InputError: the folder cannot be made or written.
         """
         where = path_argument("Simulation.save", "folder", folder, "the path of a folder")
-        try:
-            if self.log is not None:
-                from optiplan.simulation.pictures import pictures
+        from optiplan.simulation.pictures import PICTURES, pictures
 
-                write_bytes(where / LOG, npz_of(self.log))
-                for name, content in pictures(self.log, self.control.problem.limits).items():
-                    write_bytes(where / name, content)
+        files = {}
+        if self.log is not None:
+            files = {LOG: npz_of(self.log), **pictures(self.log, self.control.problem.limits)}
+        try:
+            for name in (RUN, LOG, *PICTURES):  # a folder that has a run.json has all of one simulation
+                (where / name).unlink(missing_ok=True)
+            for name, content in files.items():
+                write_bytes(where / name, content)
         except OSError as error:
             found = (error.strerror or str(error)).lower()
             raise InputError([Issue(str(where), None, "file", found, "a folder that can be written")]) from error

@@ -7,7 +7,7 @@ from typing import Any
 
 from optiplan.problem.write import problem_text
 from optiplan.studies.measures import MEASURES
-from optiplan.studies.proof import DesignProof
+from optiplan.studies.proof import DesignProof, chosen_designs
 from optiplan.studies.search import Design, DesignJudge, DesignSearch
 from optiplan.studies.study import DesignStudy
 
@@ -41,7 +41,17 @@ class DesignResult:
     @property
     def compromise(self) -> Design | None:
         """The design of the front that is nearest to the best values of all objectives; None without a front."""
-        return next((proof.design for proof in self.proofs if "compromise" in proof.role), None)
+        chosen = chosen_designs(self.study, self.search)
+        return next((self.search.designs[k] for role, k in chosen if "compromise" in role), None)
+
+    @property
+    def ended(self) -> str:
+        """As the search ended; `interrupted`, too, where not every chosen design was planned with."""
+        return self.search.ended if len(self.proofs) == self._chosen else "interrupted"
+
+    @property
+    def _chosen(self) -> int:
+        return len(chosen_designs(self.study, self.search))
 
     @property
     def columns(self) -> list[tuple[str, str]]:
@@ -62,13 +72,14 @@ class DesignResult:
     @property
     def words(self) -> str:
         """The result in a sentence."""
-        counts = f"{len(self.search.designs)} designs measured in {self.search.generations} generations"
+        ended = "" if self.ended == "finished" else f" ({self.ended})"
+        counts = f"{len(self.search.designs)} designs measured in {self.search.generations} generations{ended}"
         if not self.front:
             nearest = min(self.search.designs, key=lambda design: design.violation)
             missed = "; ".join(DesignJudge(self.study).missed(nearest.measures)) if nearest.measures else "no robot"
             return f"{counts}: none meets what the study requires; of the nearest one: {missed}"
         verified = sum(proof.verified for proof in self.proofs)
-        proved = f", {verified} of {len(self.proofs)} chosen designs verified in all tasks" if self.study.tasks else ""
+        proved = f", {verified} of {self._chosen} chosen designs verified in all tasks" if self.study.tasks else ""
         return f"{counts}: {len(self.front)} on the front{proved}"
 
     @property
@@ -87,12 +98,12 @@ class DesignResult:
 
     @property
     def data(self) -> dict[str, Any]:
-        """The result for `--json`: finite numbers and text."""
+        """The result for `--json`; what a design cannot do is infinite."""
         return {
             "study": self.study.spec.name,
             "designs": len(self.search.designs),
             "generations": self.search.generations,
-            "ended": self.search.ended,
+            "ended": self.ended,
             "front": [self.row(design) for design in self.front],
             "proofs": [
                 {

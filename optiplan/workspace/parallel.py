@@ -4,16 +4,17 @@ Not by `ProcessPoolExecutor`: that of Python 3.11 may not notice the death of th
 processes stay behind if their parent is killed.
 """
 
-import multiprocessing
+import signal
 from collections.abc import Callable
 from multiprocessing.connection import Connection, wait
 from typing import Generic, TypeVar
 
+from optiplan.cores import WHY_DEAD, OneThreadContext
 from optiplan.errors import OptiPlanError
 
 R = TypeVar("R")
 
-_DEAD = "a worker process ended before its work was done"
+_DEAD = f"a worker process ended before its work was done: {WHY_DEAD}"
 
 
 class ChunkedWork(Generic[R]):
@@ -42,7 +43,7 @@ def run_chunks(
             done.append(do(k))
             progress((k + 1) / count)
         return done
-    context = multiprocessing.get_context("spawn")  # a fork would copy threads' locks
+    context = OneThreadContext()
     connections: list[Connection] = []
     workers = []
     for _ in range(min(processes, count)):
@@ -92,7 +93,11 @@ def _collect(
 
 
 def _serve(connection: Connection) -> None:
-    """Do the chunks that the parent names, after the work itself, until it closes the pipe."""
+    """Do the chunks that the parent names, after the work itself, until it closes the pipe.
+
+    Ctrl-C in a terminal is for the parent: this process ends with it, and has nothing to say.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         work, k = connection.recv(), connection.recv()
     except (EOFError, ConnectionError):

@@ -32,7 +32,7 @@ def test_it_writes_a_robot_that_loads(urdf, tmp_path):
 def test_files_that_are_there_stay(urdf, tmp_path):
     op.init_robot(urdf)
     before = (tmp_path / "robot.yaml").read_bytes()
-    with pytest.raises(op.InputError, match="a file that is there already"):
+    with pytest.raises(op.InputError, match=r"already; expected replace_files=True to replace it, .*: `out`"):
         op.init_robot(urdf, limits={"acceleration": 3.0})
     assert (tmp_path / "robot.yaml").read_bytes() == before
     op.init_robot(urdf, limits={"acceleration": 3.0}, replace_files=True)

@@ -3,6 +3,7 @@
 import pytest
 
 import optiplan as op
+from optiplan.bench.bench import workforce
 
 
 def test_a_suite_is_one_call(write_suite, tmp_path):
@@ -47,6 +48,16 @@ def test_arguments_that_do_not_fit(arguments, words, write_suite):
 
 def test_results_of_another_suite_are_named(results_of, write_suite, tmp_path):
     results_of(count=1)
+    told = []
     with pytest.raises(op.InputError, match=r"^op\.bench: .*results of another suite.*add=True.*as `out`"):
         op.bench(write_suite(1, seeds=[0, 1]), tmp_path / "out")
-    assert op.bench(write_suite(1, seeds=[0, 1]), tmp_path / "out", add=True).made == 1
+    suite = write_suite(1, seeds=[1, 2])
+    made = op.bench(suite, tmp_path / "out", add=True, progress=lambda name, share: told.append(share)).made
+    assert (made, told) == (2, [0.5, 1.0])  # the runs of the other suite are none of this one
+
+
+def test_workers_are_as_many_as_a_container_has_cores(monkeypatch):
+    monkeypatch.setattr("optiplan.bench.bench.cores", lambda: 1)
+    assert workforce(None, None, False)[1] == "1 local"
+    with pytest.raises(op.InputError, match="at most 1, one for each core"):
+        op.bench("suite.yaml", workers=2, pin=True)

@@ -203,7 +203,7 @@ def test_a_bug_loses_no_other_run(optiplan, optiplan_json, free, monkeypatch, tm
 
 def test_view_opens_one_page_of_all_runs_best_first(optiplan, slow_lspb, monkeypatch):
     opened = []
-    monkeypatch.setattr(viewing, "serve_page", lambda problem, runs: opened.append(runs))
+    monkeypatch.setattr(viewing, "serve_page", lambda problem, runs, **_: opened.append(runs))
     assert optiplan("plan", slow_lspb, "--planner", "lspb,quintic,scurve", "--view")[0] == 0
     assert [run.label for run in opened[0]] == ["scurve", "quintic", "lspb"]
     assert [run.trajectory is None for run in opened[0]] == [False, False, True]
@@ -218,15 +218,18 @@ def test_unknown_names_list_the_known(optiplan, free, names):
     assert "rrtconnect" in err
 
 
-def test_ctrl_c_leaves_whole_folders_only(shut_in, tmp_path):
+def test_ctrl_c_shows_and_leaves_what_is_done(shut_in, tmp_path):
     command = [sys.executable, "-c", "from optiplan.cli.main import main; main()", "plan", str(shut_in)]
     out = tmp_path / "runs"
-    process = subprocess.Popen([*command, "--planner", "quintic,rrtconnect", "--budget", "60", "--out", str(out)])
+    options = ["--planner", "quintic,rrtconnect", "--budget", "60", "--out", str(out), "--json"]
+    process = subprocess.Popen([*command, *options], stdout=subprocess.PIPE, text=True)
     wait_until((out / "quintic" / "run.json").exists)
     worked = processor_seconds(process.pid)
     wait_until(lambda: process.poll() is not None or processor_seconds(process.pid) > worked + 0.3)  # of rrtconnect
     process.send_signal(signal.SIGINT)
     began = time.monotonic()
-    assert process.wait(timeout=PATIENCE) == -signal.SIGINT
+    data = json.loads(process.communicate(timeout=PATIENCE)[0])
+    assert process.returncode == data["exit_code"] == 130
+    assert [run["planner"] for run in data["runs"]] == ["quintic"]
     assert time.monotonic() - began < 5.0
     assert [str(path.relative_to(out)) for path in out.rglob("*") if path.is_file()] == ["quintic/run.json"]

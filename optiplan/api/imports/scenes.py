@@ -6,7 +6,7 @@ from typing import Any
 import pinocchio as pin
 
 from optiplan.api.loading import load_robot
-from optiplan.errors import InputError, Issue, described, flag_argument, path_argument, wrong_argument
+from optiplan.errors import InputError, Issue, described, flag_argument, path_argument, words_of_call, wrong_argument
 from optiplan.files import write_bytes, write_text
 from optiplan.importers.scenes.imported import ImportedScene
 from optiplan.importers.scenes.read import read_scene
@@ -48,7 +48,8 @@ def import_scene(source: Path | str, out: Path | str, robot: Path | str, *, repl
         expected = "the name of a robot of op.robots(), or the path of a robot.yaml"
         raise wrong_argument("import_scene", "robot", described(robot), expected)
     flag_argument("import_scene", "replace_files", replace_files)
-    write_scene(read_scene(path), target, robot, replace_files)
+    with words_of_call("op.import_scene", {"--force": "replace_files=True", "another name": "another `out`"}):
+        write_scene(read_scene(path), target, robot, replace_files)
     return load_problem(target)
 
 

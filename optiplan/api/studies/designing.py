@@ -7,7 +7,7 @@ from typing import Any
 
 from optiplan.api.planning import plan_within, positive_seconds
 from optiplan.errors import described, path_argument, progress_argument, wrong_argument
-from optiplan.files import write_bytes
+from optiplan.files import write_result
 from optiplan.planners.base import Budget, Progress
 from optiplan.runs.run_folder import check_folder
 from optiplan.studies.measures import MEASURES, check_measures
@@ -87,9 +87,7 @@ def save_design(result: DesignResult, folder: Path) -> list[Path]:
         "front.pdf": front_pdf(result),
         **{name: text.encode() for name, text in result.files.items()},
     }
-    for name, content in files.items():
-        write_bytes(folder / name, content)
-    return [folder / name for name in files]
+    return write_result(folder, "design.html", files, "robot.yaml")
 
 
 def _proofs(study: DesignStudy, search: DesignSearch, progress: Progress) -> tuple[DesignProof, ...]:

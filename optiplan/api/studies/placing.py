@@ -11,7 +11,7 @@ import numpy as np
 from optiplan.api.planning import plan, positive_seconds
 from optiplan.arrays import number_argument
 from optiplan.errors import InputError, described, path_argument, progress_argument, whole_argument, wrong_argument
-from optiplan.files import write_bytes
+from optiplan.files import write_result
 from optiplan.geometry.poses import pose_to_data
 from optiplan.planners.base import Budget, Progress
 from optiplan.planners.tours.placing import PlaceRange, PlaceScores, moved_base, search_places
@@ -40,34 +40,38 @@ class Placement:
 
     Attributes:
         scores: of all base poses that were scored, as displacements of the given one.
-        given: the run at the given base; None where the problem cannot be stated there.
+        given: the run at the given base.
         runs: (moved, run) of the bases that were planned besides, the shortest verified run first.
         refused: (moved, why) of bases at which the problem cannot be stated.
     """
 
     problem: Problem
     scores: PlaceScores
-    given: Run | None
+    given: Run
     runs: tuple[tuple[tuple[float, ...], Run], ...]
     refused: tuple[tuple[tuple[float, ...], str], ...] = ()
 
     @property
     def unverified(self) -> list[tuple[tuple[float, ...], str]]:
         """(moved, why) of the bases, the given one among them, without a verified motion."""
-        runs = [((0.0,) * 4, self.given)] if self.given is not None else []
-        return [(moved, run.why_not) for moved, run in [*runs, *self.runs] if not run.verified] + list(self.refused)
+        unverified = [(moved, run.why_not) for moved, run in self.planned if not run.verified]
+        return unverified + list(self.refused)
+
+    @property
+    def planned(self) -> list[tuple[tuple[float, ...], Run]]:
+        """(moved, run) of all bases that were planned, the given one first."""
+        return [((0.0,) * 4, self.given), *self.runs]
 
     @property
     def run(self) -> Run | None:
         """The shortest verified run at any base; None without one."""
-        verified = [run for run in (self.given, *(run for _, run in self.runs)) if run is not None and run.verified]
+        verified = [run for _, run in self.planned if run.verified]
         return min(verified, key=lambda run: float(run.duration or np.inf), default=None)
 
     @property
     def moved(self) -> tuple[float, ...] | None:
         """How far the base of `run` is from the given one: x, y, z, m, and yaw, rad."""
-        found = next((moved for moved, run in self.runs if run is self.run), None)
-        return (0.0, 0.0, 0.0, 0.0) if found is None and self.run is not None else found
+        return next((moved for moved, run in self.planned if run is self.run), None)
 
     @property
     def base(self) -> dict[str, Any] | None:
@@ -78,14 +82,11 @@ class Placement:
         """Write `place.html`, `place.png` and, where a base was found, `problem.yaml`; return the paths."""
         title = f"Where {self.problem.robot.name} stands for {self.problem.name}"
         picture = draw_map(self.scores, title)
-        rows = [_cells((0.0,) * 4, self.scores.seconds[0], self.given)] if self.given is not None else []
-        rows += [_cells(moved, self._score(moved), run) for moved, run in self.runs]
+        rows = [_cells(moved, self._score(moved), run) for moved, run in self.planned]
         text = problem_text(self.run.problem.source) if self.run is not None else ""
         page = place_page(title, self.words, picture, rows, problem_text({"base": self.base}) if self.base else "–")
         files = {"place.png": picture, "place.html": page.encode()} | ({"problem.yaml": text.encode()} if text else {})
-        for name, content in files.items():
-            write_bytes(folder / name, content)
-        return [folder / name for name in files]
+        return write_result(folder, "place.html", files, "problem.yaml")
 
     @property
     def words(self) -> str:
@@ -156,7 +157,7 @@ def place(
     _refuse_several(problem.robot, "robot")
     whole = Budget(seconds)
     scores = search_places(problem, where, whole.share(_MAP), progress)
-    given = plan(problem, budget=whole.remaining / (1 + _PLANNED), progress=partial(_quiet, progress))
+    given = plan(problem, budget=_share(whole, 1 + _PLANNED), progress=partial(_quiet, progress))
     runs: list[tuple[tuple[float, ...], Run]] = []
     refused: list[tuple[tuple[float, ...], str]] = []
     for count, moved in enumerate(_candidates(scores)):
@@ -166,12 +167,17 @@ def place(
         except InputError as error:  # such as a start that the exact shapes of the verifier's model collide at
             refused.append((moved, "; ".join(f"{one.field}: {one.found}" for one in error.issues)))
             continue
-        runs.append((moved, plan(own, budget=max(1.0, whole.remaining / (_PLANNED - count)))))
+        runs.append((moved, plan(own, budget=_share(whole, _PLANNED - count))))
     runs.sort(key=lambda one: (not one[1].verified, float(one[1].duration or np.inf)))
     found = Placement(problem, scores, given, tuple(runs), tuple(refused))
     if folder is not None:
         found.save(folder)
     return found
+
+
+def _share(whole: Budget, count: int) -> float:
+    """Return the seconds of one of so many plans that are left; at least 1 s, also where the map took all of them."""
+    return max(1.0, whole.remaining / count)
 
 
 def _quiet(progress: Progress, stage: str, fraction: float) -> None:
@@ -225,13 +231,11 @@ def _checked(where: PlaceRange) -> PlaceRange:
     return replace(where)
 
 
-def _cells(moved: Sequence[float], score: float, run: Run | None) -> list[str]:
-    planned = "–" if run is None or run.duration is None else f"{run.duration:.3f}"
-    verified = "yes" if run is not None and run.verified else "no"
+def _cells(moved: Sequence[float], score: float, run: Run) -> list[str]:
+    planned = "–" if run.duration is None else f"{run.duration:.3f}"
+    verified = "yes" if run.verified else "no"
     return [*(f"{value:.3f}" for value in moved), f"{score:.3f}", planned, verified]
 
 
-def _seconds(run: Run | None) -> str:
-    if run is None or not run.verified:
-        return "no verified motion"
-    return f"{run.duration:.3f} s"
+def _seconds(run: Run) -> str:
+    return f"{run.duration:.3f} s" if run.verified else "no verified motion"

@@ -7,13 +7,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from optiplan.cores import cores
+
 
 def machine() -> dict[str, Any]:
     """Name, processor, number of cores that may be used, memory (MB), system: JSON-ready."""
     return {
         "host": platform.node(),
         "cpu": _field("/proc/cpuinfo", "model name") or platform.processor() or platform.machine(),
-        "cores": len(os.sched_getaffinity(0)),
+        "cores": cores(),
         "memory": int((_field("/proc/meminfo", "MemTotal") or "0").split()[0]) // 1000,
         "system": platform.platform(),
         "load": load_average(),

@@ -13,6 +13,7 @@ import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Any, Final, Self
 
@@ -29,7 +30,7 @@ from optiplan.bench.results.tables import (
     VIEW,
 )
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
-from optiplan.files import lock, replacing
+from optiplan.files import flush, lock, replacing
 from optiplan.trajectory.trajectory import Trajectory
 
 FILE = "results.sqlite"
@@ -88,21 +89,29 @@ class Store:
         Raises:
             InputError, StoreError: as `Store`, or the folder cannot be written.
         """
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            held = _locked(folder)
-            try:
-                if (folder / FILE).exists():
-                    raise _unusable(folder, f"a {FILE} is there already", "a folder without results")
-                with replacing(folder / FILE) as fresh, closing(sqlite3.connect(fresh)) as db, db:
-                    db.executescript(SCHEMA)
-                    rows = {"schema_version": SCHEMA_VERSION, "created_at": now(), **meta}
-                    db.executemany("INSERT INTO meta VALUES (?, ?)", [(k, json.dumps(v)) for k, v in rows.items()])
-            finally:
-                os.close(held)
-        except (OSError, sqlite3.Error) as error:
-            raise StoreError(f"{folder}: the results cannot be written: {error}") from error
+        with (
+            _without_results(folder),
+            replacing(folder / FILE) as fresh,
+            closing(sqlite3.connect(fresh)) as db,
+            db,
+        ):
+            db.executescript(SCHEMA)
+            rows = {"schema_version": SCHEMA_VERSION, "created_at": now(), **meta}
+            db.executemany("INSERT INTO meta VALUES (?, ?)", [(k, json.dumps(v)) for k, v in rows.items()])
         return cls(folder, write=True)
+
+    @classmethod
+    @contextmanager
+    def filled(cls, folder: Path, meta: Mapping[str, Any]) -> Iterator["Store"]:
+        """Yield an empty store to be filled, which the folder has once that is done; after an exception it has none.
+
+        Arguments and exceptions are those of `create`.
+        """
+        with _without_results(folder), TemporaryDirectory(prefix=".", dir=folder) as scratch:
+            with cls.create(Path(scratch), meta) as store:
+                yield store
+            flush(store.path)
+            store.path.replace(folder / FILE)
 
     def __enter__(self) -> Self:
         return self
@@ -328,6 +337,26 @@ def _connected(path: Path, write: bool) -> sqlite3.Connection:
         db.execute("PRAGMA wal_autocheckpoint = 200")  # pages of 4 KiB: the log takes little room beside the data
         db.execute("PRAGMA foreign_keys = ON")
     return db
+
+
+@contextmanager
+def _without_results(folder: Path) -> Iterator[None]:
+    """Hold the lock of a folder without results meanwhile; a folder that is made for them goes if they do not come."""
+    there = folder.exists()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        held = _locked(folder)
+        try:
+            if (folder / FILE).exists():
+                raise _unusable(folder, f"a {FILE} is there already", "a folder without results")
+            yield
+        finally:
+            os.close(held)
+            if not (there or (folder / FILE).exists()):
+                (folder / LOCK).unlink(missing_ok=True)
+                folder.rmdir()
+    except (OSError, sqlite3.Error) as error:
+        raise StoreError(f"{folder}: the results cannot be written: {error}") from error
 
 
 def _locked(folder: Path) -> int:

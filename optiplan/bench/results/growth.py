@@ -74,12 +74,10 @@ def merge_results(folders: Sequence[Path], into: Path) -> Store:
         suites = [str(store.meta("suite")) for store in stores]
         meta: dict[str, Any] = {"name": " + ".join(names), "suite": "\n---\n".join(dict.fromkeys(suites))}
         meta |= {"suite_hash": hash_of_parts(parts), "parts": parts, **({"code": code} if code else {})}
-        with ExitStack() as undone:
-            target = undone.enter_context(Store.create(into, meta))
+        with Store.filled(into, meta) as target:
             for store in stores:
                 target.absorb(store, {})
-            undone.pop_all()
-        return target
+    return Store(into)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ has none counts as planned and timed, never as verified.
 
 import json
 import math
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -25,12 +26,15 @@ from optiplan.problem.problem import Problem
 from optiplan.runs.metrics import measure
 from optiplan.runs.run import Run
 from optiplan.trajectory.sample_file import Samples, read_samples, samples_from_dict
+from optiplan.verify.report import jsonable
 from optiplan.verify.verify import verify
 
 EXTERNAL = "external"
 """Name of the planner of results from elsewhere."""
 CLAIMED: Final = "not verified here"
 """Kind of failure of a run from elsewhere that its authors call a success and that has no trajectory."""
+_SEEDS = 2**63
+"""The first seed that the database cannot hold."""
 FORM = "{set: [entry, …]} or [entry, …] in JSON"
 
 
@@ -72,8 +76,8 @@ def read_results(file: Path, label: str, beside: Store, folder: Path) -> Importe
         if not isinstance(problem, str) or problem not in ids:
             found = f"{entry.place}: problem {problem!r}" if "problem" in entry.fields else f"{entry.place}: no problem"
             issues.append(Issue(str(file), None, "problem", found, f"an id of {beside.folder}: {some(ids, 3)}"))
-        elif not isinstance(seed, int) or isinstance(seed, bool):
-            issues.append(Issue(str(file), None, "seed", f"{entry.place}: {seed!r}", "a whole number"))
+        elif not isinstance(seed, int) or isinstance(seed, bool) or not -_SEEDS <= seed < _SEEDS:
+            issues.append(Issue(str(file), None, "seed", f"{entry.place}: {seed!r}", "a whole number of 64 bits"))
         elif (problem, seed) in tasks:
             found = f"{entry.place}: '{problem}', seed {seed} a second time"
             issues.append(Issue(str(file), None, "problem", found, "one entry for each problem and seed"))
@@ -184,7 +188,7 @@ def _claimed_row(task: BenchTask, item: Mapping[str, Any]) -> Row:
     good, found = bool(item.get("success")), not item.get("skip", False)
     why = failure(CLAIMED, "as its authors tell") if good else failure("failed", "by its authors' own account")
     row = Row(**empty_row(task), **why, planned=found, timed=found and duration is not None)
-    info = {key: value for key, value in item.items() if key != "trajectory"}
+    info = jsonable({key: value for key, value in item.items() if key != "trajectory"})
     metrics = {name: value for name, value in lengths.items() if value is not None}
     return replace(row, plan_time=seconds, duration=duration, metrics=metrics, info=info)
 
@@ -200,7 +204,7 @@ def _store(beside: Store, folder: Path, planner: BenchPlanner, done: list[Outcom
         "repetitions": 1,
     }
     meta = {"name": planner.label, "suite": "", "suite_hash": "", "parts": told}
-    with Store.create(folder, meta) as store:
+    with Store.filled(folder, meta) as store:
         store.fill(problems, (planner,))
         store.begin(EXTERNAL, {}, {})
         for outcome in done:
@@ -209,4 +213,4 @@ def _store(beside: Store, folder: Path, planner: BenchPlanner, done: list[Outcom
 
 
 def _finite(value: Any) -> float | None:
-    return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
+    return float(value) if isinstance(value, int | float) and abs(value) <= sys.float_info.max else None

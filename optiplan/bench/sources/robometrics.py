@@ -38,7 +38,7 @@ def robometrics_file(place: Place) -> Iterator[Found]:
             origin = {"file": str(path.resolve()), "set": name, "index": index}
             try:
                 data = _converted(item, robot)
-            except (KeyError, TypeError, ValueError) as error:
+            except (AttributeError, KeyError, TypeError, ValueError) as error:
                 expected = "start, goal_pose and obstacles as robometrics writes them"
                 raise _refused(document, f"{where}: {type(error).__name__} {error}", expected) from None
             yield Found(f"{index:04d}", set_name, data, path.resolve().parent, origin)
@@ -53,7 +53,9 @@ def _converted(item: Mapping[str, Any], robot: str) -> dict[str, Any]:
     w, x, y, z = (float(value) for value in goal["quaternion_wxyz"])
     pose = {"frame": goal["frame"], "position": _floats(goal["position_xyz"]), "quaternion": [x, y, z, w]}
     obstacles = [
-        _obstacle(kind, name, body) for kind, bodies in item["obstacles"].items() for name, body in bodies.items()
+        _obstacle(kind, name, body)
+        for kind, bodies in (item["obstacles"] or {}).items()  # a key with nothing behind it has none
+        for name, body in (bodies or {}).items()
     ]
     return {
         "version": 1,

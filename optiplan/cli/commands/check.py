@@ -3,6 +3,7 @@
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 
 from optiplan.cli.completion import problem_names
 from optiplan.cli.options import AsJson
@@ -43,7 +44,7 @@ def check(
         return Exit.BAD_INPUT if bad else 0
     for file, issues in found.items():
         if not issues:
-            results().print(f"{file}: [green]ok[/]", soft_wrap=True)
+            results().print(f"{escape(file)}: [green]ok[/]", soft_wrap=True)
         for issue in issues:
             print_error(str(issue))
     return Exit.BAD_INPUT if bad else 0

@@ -1,5 +1,6 @@
 """`optiplan control`: run a closed loop from a control file."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -7,8 +8,9 @@ import typer
 
 from optiplan.cli.completion import control_names
 from optiplan.cli.options import AsJson
-from optiplan.cli.output import Exit, interrupts_held, print_json, results, stdout_is_ours
+from optiplan.cli.output import Exit, results, saved, show_result, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
+from optiplan.errors import InputError
 
 
 def control(
@@ -39,7 +41,6 @@ def control(
     from optiplan.runs.run_folder import check_folder
     from optiplan.simulation.files.read import find_control
     from optiplan.simulation.simulation import run_control
-    from optiplan.verify.report import jsonable
 
     path = find_control(file)
     if out is not None:
@@ -47,11 +48,8 @@ def control(
     with stdout_is_ours(), ProgressLine() as progress:
         done = run_control(path, lambda share: progress("simulating", share))
     code = Exit.VERIFIED if done.clean else Exit.NO_PLAN if done.log is None else Exit.NOT_VERIFIED
+    unsaved: list[InputError] = []
     if out is not None:
-        with interrupts_held():
-            done.save(out)
-    if as_json:
-        print_json(jsonable({**done.to_dict(), "exit_code": int(code)}))
-    else:
-        show_simulation(results(), done, out)
-    return code
+        saved(partial(done.save, out), unsaved)
+    there = None if unsaved else out
+    return show_result(done.to_dict(), lambda: show_simulation(results(), done, there), code, as_json, unsaved)

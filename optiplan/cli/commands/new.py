@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 
 from optiplan.cli.completion import robot_names
 from optiplan.cli.options import numbers
@@ -75,7 +76,8 @@ def new(
     if not (beside := file.parent / SCHEMA).exists():
         schema(beside)
     write_text(file, text)
-    results().print(f"written: {file}; next: [cyan]optiplan plan {file} --view[/]", soft_wrap=True)
+    name = escape(str(file))
+    results().print(f"written: {name}; next: [cyan]optiplan plan {name} --view[/]", soft_wrap=True)
     return Exit.VERIFIED
 
 

@@ -5,6 +5,7 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from threading import Event
 from typing import Annotated, Any
@@ -12,15 +13,14 @@ from typing import Annotated, Any
 import typer
 
 from optiplan.cli.completion import planner_names, problem_names
-from optiplan.cli.options import AsJson, Full
+from optiplan.cli.options import AsJson, Full, refuse
 from optiplan.cli.output import (
     Exit,
     interruptible,
-    interrupts_held,
     messages,
-    print_error,
-    print_json,
     results,
+    saved,
+    show_result,
     stdout_is_ours,
 )
 from optiplan.cli.progress import KeptAnswer
@@ -108,7 +108,7 @@ def plan(
 
     Exit code: 0 verified · 2 bad input · 3 no plan within the budget · 4 found but not verified
     · 130 ended by Ctrl-C, with the motion found so far.
-    Of several planners: 0 one is verified · 4 one was found, none verified · 3 none found.
+    Of several planners: 0 one is verified · 4 one was found, none verified · 3 none found · 130 Ctrl-C: those done.
     Of a folder: 0 all verified · 2 a file is bad · 4 one is not verified · 3 one has no plan; the others are planned.
     """
     from optiplan.cli.plan_folder import is_folder_of_problems
@@ -118,8 +118,7 @@ def plan(
         one = {"--seed": seed, "--view": view or None, "--server": server or None, "--tracking-error": tracking_error}
         one |= {"--bound": bound, "--full": full or None}
         return _folder(Path(file), out, planner, budget, as_json, {**asked, "workers": workers}, one)
-    if wrong := [f"--{flag}" for flag, value in asked.items() if value is not None]:
-        raise typer.BadParameter("goes with a folder of problems", param_hint=wrong[0])
+    refuse({f"--{flag}": value for flag, value in asked.items()}, "goes with a folder of problems")
     from optiplan.api.planning import with_tracking_error
     from optiplan.cli import plan_comparison
     from optiplan.problem.load import load_problem
@@ -138,8 +137,8 @@ def plan(
         loaded = time.perf_counter() - began
         _check_bound(problem, bound)
     if names:
-        runs, unsaved = plan_comparison.run_all(path, problem, names, budget, out)
-        code = plan_comparison.show(runs, as_json, unsaved)
+        runs, unsaved, interrupted = plan_comparison.run_all(path, problem, names, budget, out)
+        code = plan_comparison.show(runs, as_json, unsaved, interrupted)
     else:
         progress, more = KeptAnswer(), {} if workers is None else {"workers": workers}
         run = _run(path, problem, planner, more, budget, server, progress)
@@ -147,7 +146,7 @@ def plan(
         runs = [replace(run, timings={"load": loaded, **run.timings}, proved_bound=found)]
         code = _finish(runs[0], out, as_json, full, interrupted=progress.cancel.is_set())
     if view:
-        _view(runs)
+        _view(runs, as_json)
     return code
 
 
@@ -155,8 +154,7 @@ def _of_several_planners(server: str, one: dict[str, Any]) -> None:
     """Refuse what goes with one planner only; `one` are such flags."""
     if server:
         raise typer.BadParameter("a server runs one planner at a time", param_hint="--planner")
-    if wrong := [flag for flag, value in one.items() if value is not None]:
-        raise typer.BadParameter("goes with one planner at a time", param_hint=wrong[0])
+    refuse(one, "goes with one planner at a time")
 
 
 def _folder(
@@ -172,8 +170,7 @@ def _folder(
     from optiplan.api.batches import RATE as SAMPLES
     from optiplan.cli.plan_folder import plan_folder
 
-    if wrong := [flag for flag, value in one.items() if value is not None]:
-        raise typer.BadParameter("goes with one problem, not with a folder", param_hint=wrong[0])
+    refuse(one, "goes with one problem, not with a folder")
     given = {**asked, "rate": asked["rate"] or SAMPLES, "lerobot": bool(asked["lerobot"]), "dask": asked["dask"] or ""}
     return plan_folder(folder, out, planner, budget, as_json, given)
 
@@ -240,34 +237,23 @@ def _run_there(server: str, problem: Any, planner: str, options: Any, seconds: f
         return client.plan(problem, planner, options, budget=seconds)
 
 
-def _finish(run: Any, out: Path | None, as_json: bool, full: bool, *, interrupted: bool) -> Exit:
+def _finish(run: Any, out: Path | None, as_json: bool, full: bool, *, interrupted: bool) -> int:
     """Save the run and print it, even where it cannot be saved; return its exit code."""
     from optiplan.cli.printing.report import show_run
     from optiplan.runs.run_folder import save_run
-    from optiplan.verify.report import jsonable
 
     code = Exit.VERIFIED if run.verified else Exit.NO_PLAN if run.trajectory is None else Exit.NOT_VERIFIED
     code = Exit.INTERRUPTED if interrupted else code
-    unsaved = None
+    unsaved: list[InputError] = []
     if out is not None:
-        try:
-            with interrupts_held():
-                save_run(run, out)
-        except InputError as error:
-            unsaved, code = error, Exit.BAD_INPUT
-    if as_json:
-        lost = {} if unsaved is None else {"error": str(unsaved)}
-        print_json(jsonable({**run.to_dict(), **lost, "exit_code": int(code)}))
-    else:
-        show_run(results(), run, full)
+        saved(partial(save_run, run, out), unsaved)
     if interrupted:
         messages().print("interrupted: this is the best motion so far", style="yellow")
-    if unsaved is not None:
-        print_error(f"the run is not saved: {unsaved}")
-    return code
+    return show_result(run.to_dict(), lambda: show_run(results(), run, full), code, as_json, unsaved)
 
 
-def _view(runs: list[Any]) -> None:
+def _view(runs: list[Any], as_json: bool) -> None:
     from optiplan.cli.viewing import serve_page, shown
 
-    serve_page(runs[0].problem, [shown(run.to_dict(), run.trajectory) for run in runs])
+    viewed = [shown(run.to_dict(), run.trajectory) for run in runs]
+    serve_page(runs[0].problem, viewed, console=messages() if as_json else results())

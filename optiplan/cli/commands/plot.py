@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from optiplan.cli.options import AsJson
+from optiplan.cli.options import AsJson, refuse
 from optiplan.cli.output import messages, print_json, say, stdout_is_ours
 
 if TYPE_CHECKING:
@@ -27,7 +27,9 @@ def plot(
     kinds: Annotated[str | None, typer.Option("--format", metavar="F", help=KINDS)] = None,
     joints: Annotated[str | None, typer.Option(metavar="J,J,…", help="only these joints")] = None,
     share: Annotated[bool, typer.Option("--share", help="joint curves in percent of their limits")] = False,
-    frames: Annotated[int, typer.Option(min=0, max=1000, metavar="N", help="tool frames along the path")] = 9,
+    frames: Annotated[
+        int | None, typer.Option(min=0, max=1000, metavar="N", help="tool frames along the path (default: 9)")
+    ] = None,
     as_json: AsJson = False,
 ) -> int:
     """Draw joints, tool and path of one run, or of several together.
@@ -57,14 +59,19 @@ def plot(
     single = not to_folder and figure_format(out) in ("png", "svg")
     places, look = runs or [], _style(style)
     names = _figures(figure, look, len(places), single)
+    if "joints" not in names:
+        refuse({"--share": share or None, "--joints": joints}, "goes with the figure joints")
+    if "path" not in names:
+        refuse({"--frames": frames}, "goes with the figure path")
     if not to_folder and asked not in (None, [figure_format(out)]):
         raise typer.BadParameter(f"--format {kinds}: --out {out} says another; expected a folder for several")
     with stdout_is_ours():
         found, left_out = plotted_runs(places)
         for words in left_out:
-            messages().print(f"note: {words}", style="yellow")
+            messages().print(f"note: {words}", style="yellow", markup=False, soft_wrap=True)
         drawn = comparable(found) if places or FIGURES.keys() & names else ()
-        options = PlotOptions(None if joints is None else tuple(joints.split(",")), share, frames, look)
+        chosen = None if joints is None else tuple(joints.split(","))
+        options = PlotOptions(chosen, share, PlotOptions.frames if frames is None else frames, look)
         if to_folder:
             written = write_all(names, asked or ["png"], drawn, options, out)
         else:

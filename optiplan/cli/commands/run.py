@@ -10,8 +10,8 @@ import typer
 
 from optiplan.cli.commands.plan import BUDGET, above_zero, positive, positive_or_none
 from optiplan.cli.completion import planner_names, problem_names
-from optiplan.cli.options import AsJson
-from optiplan.cli.output import Exit, end_with, print_error, print_json, results, stdout_is_ours
+from optiplan.cli.options import AsJson, refuse
+from optiplan.cli.output import Exit, end_with, handling, print_error, print_json, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 from optiplan.errors import InputError, OptiPlanError
 
@@ -143,8 +143,7 @@ def _motion(file: str, planner: str | None, budget: float | None, progress: Prog
 
     path = Path(file)
     if (path / "run.json").is_file() or path.name == "run.json":
-        if wrong := [flag for flag, given in {"--planner": planner, "--budget": budget}.items() if given is not None]:
-            raise typer.BadParameter("goes with a problem, not with the folder of a run", param_hint=wrong[0])
+        refuse({"--planner": planner, "--budget": budget}, "goes with a problem, not with the folder of a run")
         return load_run(path)
     path = find_problem(file)
     problem = load_problem(path)
@@ -168,12 +167,8 @@ def _stopping(stop: Callable[[str], None]) -> Iterator[list[int]]:
         signal.signal(number, signal.SIG_DFL)
         stop("Ctrl-C" if number == signal.SIGINT else "the program was asked to end")
 
-    before = [(number, signal.signal(number, handle)) for number in (signal.SIGINT, signal.SIGTERM)]
-    try:
+    with handling((signal.SIGINT, signal.SIGTERM), handle):
         yield pressed
-    finally:
-        for number, handler in before:
-            signal.signal(number, handler)
 
 
 def _result(motion: "Run", execution: "Execution", driver: "Driver") -> dict[str, Any]:

@@ -44,7 +44,6 @@ def verify(
     from optiplan.problem.load import load_problem
     from optiplan.runs.run_folder import load_run
     from optiplan.runs.stored_runs import judged
-    from optiplan.verify.report import jsonable
 
     path = find_problem(problem)
     with stdout_is_ours():
@@ -57,7 +56,7 @@ def verify(
         failure = stored.record.get("failure") if stored.trajectory is None else None
         same = stored.record.get("hash") == loaded.hash if stored.record else None
         verdict = {"verified": code == 0, "same_problem": same, "report": found, "failure": failure}
-        print_json(jsonable({**verdict, "interpolation": stored.interpolation or None, "exit_code": int(code)}))
+        print_json({**verdict, "interpolation": stored.interpolation or None, "exit_code": int(code)})
     elif report is None:
         reason = (stored.record.get("failure") or {}).get("detail", "no reason given")
         results().print(f"not verified: the run has no trajectory ({reason})", style="red", markup=False)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from optiplan.cli.options import Port, refuse
 from optiplan.cli.output import say
 from optiplan.errors import InputError, Issue
 from optiplan.files import write_text
@@ -32,9 +33,9 @@ def view(
     gif: Annotated[
         Path | None, typer.Option(metavar="FILE.gif", help="write a film of the scene (or FILE.webp, FILE.mp4)")
     ] = None,
-    at: Annotated[str, typer.Option(metavar="ADDRESS", help="what pictures show, as after the page's #")] = "",
-    size: Annotated[str, typer.Option(metavar="WxH", help="size of pictures, px")] = "1280x800",
-    port: Annotated[int, typer.Option(min=0, max=65535, metavar="N", help="first port to try; 0: any")] = 7000,
+    at: Annotated[str | None, typer.Option(metavar="ADDRESS", help="what pictures show, as after the page's #")] = None,
+    size: Annotated[str | None, typer.Option(metavar="WxH", help="size of pictures, px (default: 1280x800)")] = None,
+    port: Port = None,
     meshcat_port: Annotated[
         int | None, typer.Option(min=0, max=65535, metavar="N", help="where meshcat's scripts draw (6000; 0: any)")
     ] = None,
@@ -67,13 +68,18 @@ def view(
     from optiplan.viewer.pictures import save_film, save_picture
     from optiplan.viewer.recordings.formats import FORMATS as RECORDINGS
     from optiplan.viewer.scene import build_scene
+    from optiplan.viewer.server import FIRST_PORT
 
     wanted = {"export": export, "png": png, "gif": gif}
     _check(wanted, meshcat_port)
-    pixels, at = _pixels(size), _address(at)
+    pixels, address = _pixels(size or "1280x800"), _address(at or "")
+    if png is None and gif is None:
+        refuse({"--at": at, "--size": size}, "goes with --png or --gif")
+    if any(wanted.values()):
+        refuse({"--port": port}, "serves the page; beside --export, --png and --gif nothing is served")
     problem, shown = open_runs(runs)
     if not any(wanted.values()):
-        serve_page(problem, shown, port, meshcat_port)
+        serve_page(problem, shown, FIRST_PORT if port is None else port, meshcat_port)
         return 0
     if export is not None and export.suffix.lower() in RECORDINGS:
         _record(problem, shown, export)
@@ -87,9 +93,9 @@ def view(
         if name == "export":
             write_text(path, page)
         elif name == "png":
-            save_picture(page, path, at, pixels)
+            save_picture(page, path, address, pixels)
         else:
-            save_film(page, path, at, pixels)
+            save_film(page, path, address, pixels)
         say(f"written: {path}")
     return 0
 

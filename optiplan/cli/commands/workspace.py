@@ -9,9 +9,10 @@ from typing import Annotated, Any
 
 import typer
 
+from optiplan.cli.commands.studies import shown
 from optiplan.cli.completion import robot_names
-from optiplan.cli.options import AsJson
-from optiplan.cli.output import plain_table, print_json, results, say, stdout_is_ours
+from optiplan.cli.options import AsJson, refuse
+from optiplan.cli.output import plain_table, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 
 
@@ -25,7 +26,9 @@ Names = Annotated[
     list[str],
     typer.Argument(metavar="ROBOT…", help="bundled robots, or paths of robot.yaml", autocompletion=robot_names),
 ]
-Count = Annotated[int, typer.Option(min=1, metavar="N", help="random configurations per robot")]
+Count = Annotated[
+    int | None, typer.Option(min=1, metavar="N", help="random configurations per robot (default: 200000)")
+]
 Grid = Annotated[
     int | None, typer.Option(min=2, metavar="K", help="instead of random ones: K values per joint, K^n configurations")
 ]
@@ -45,12 +48,12 @@ Resolution = Annotated[
 ]
 Voxels = Annotated[int, typer.Option(min=2, max=100, metavar="K", help="voxels in a radius of the reach")]
 Out = Annotated[Path | None, typer.Option(metavar="DIR", help="write NPZ, PLY, a page and a picture there")]
-Seed = Annotated[int, typer.Option(min=0, metavar="N", help="of the samples")]
+Seed = Annotated[int | None, typer.Option(min=0, metavar="N", help="of the samples (default: 0)")]
 
 
 def workspace(
     names: Names,
-    samples: Count = 200_000,
+    samples: Count = None,
     grid: Grid = None,
     group: Group = None,
     frame: Frame = None,
@@ -60,7 +63,7 @@ def workspace(
     resolution: Resolution = None,
     voxels: Voxels = 10,
     out: Out = None,
-    seed: Seed = 0,
+    seed: Seed = None,
     as_json: AsJson = False,
 ) -> int:
     """Sample where the tool can be, and compare robots.
@@ -82,10 +85,16 @@ def workspace(
     """
     from optiplan.api.workspaces import workspace as study
     from optiplan.runs.run_folder import check_folder
+    from optiplan.viewer.workspaces.export import save_workspaces
     from optiplan.workspace.accuracy import DEFAULT_RESOLUTION
+    from optiplan.workspace.sampling import WorkspaceOptions
 
-    if resolution is not None and not accuracy:
-        raise typer.BadParameter("goes with --accuracy", param_hint="--resolution")
+    if not accuracy:
+        refuse({"--resolution": resolution}, "goes with --accuracy")
+    if not collision:
+        refuse({"--floor": floor}, "does not go with --no-collision: no touch is looked for")
+    if grid is not None:
+        refuse({"--samples": samples, "--seed": seed}, "goes with random configurations, not with --grid")
     if out is not None:
         check_folder(out)
     wanted = (resolution or DEFAULT_RESOLUTION) if accuracy else None
@@ -95,7 +104,7 @@ def workspace(
             began = time.perf_counter()
             one = study(
                 name,
-                samples=samples,
+                samples=samples or WorkspaceOptions.samples,
                 grid=grid,
                 group=group,
                 frame=frame,
@@ -103,25 +112,12 @@ def workspace(
                 floor=floor,
                 resolution=wanted,
                 voxels=voxels,
-                seed=seed,
+                seed=seed or 0,
                 progress=partial(progress, f"workspace of {name}"),
             )
             found.append(one)
             rows.append(_row(found[-1], time.perf_counter() - began))
-        files = [] if out is None else _save(found, out)
-    if as_json:
-        print_json({"robots": rows, "files": [str(path) for path in files], "exit_code": 0})
-        return 0
-    _show(rows, wanted)
-    for path in files:
-        say(f"written: {path}")
-    return 0
-
-
-def _save(found: list[Any], out: Path) -> list[Path]:
-    from optiplan.viewer.workspaces.export import save_workspaces
-
-    return save_workspaces(found, out)
+    return shown({"robots": rows}, lambda: _show(rows, wanted), 0, as_json, out, partial(save_workspaces, found))
 
 
 def _row(one: Any, seconds: float) -> dict[str, Any]:
@@ -173,7 +169,7 @@ def _show(rows: list[dict[str, Any]], resolution: str | None) -> None:
     lines.append(("seconds", lambda row: f"{row['seconds']:.1f}"))
     for heading, text in lines:
         table.add_row(heading, *(text(row) for row in rows))
-    results().print(table)
+    results().print(table, markup=False)
 
 
 def _mean(value: dict[str, float] | None, factor: float) -> str:

@@ -50,7 +50,7 @@ def show_comparison(console: Console, found: Comparison) -> None:
     for change in found.changes:
         table.add_row(*_row(change), style=STYLES.get(change.verdict))
     console.width = max(console.width, WIDTH)
-    console.print(table)
+    console.print(table, markup=False)
     console.print(
         f"{found.common} runs in common; Holm: p corrected for {len(found.changes)} comparisons", markup=False
     )

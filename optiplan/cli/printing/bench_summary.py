@@ -35,7 +35,7 @@ def show_summary(console: Console, store: Store, done: Summary, standing: Standi
         table.add_column(name, justify="left" if name == "planner" else "right", overflow="fold")
     for row in rows:
         table.add_row(*row)
-    console.print(table)
+    console.print(table, markup=False)
     for kind, count in data["failures"].items():
         console.print(f"{count} × {kind}", markup=False)
     if standing is not None:

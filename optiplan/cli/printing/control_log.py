@@ -26,8 +26,8 @@ def show_simulation(console: Console, done: Simulation, out: Path | None) -> Non
         style="dim",
         markup=False,
     )
-    console.print(_facts(log))
-    console.print(_joints(log, done))
+    console.print(_facts(log), markup=False)
+    console.print(_joints(log, done), markup=False)
     robot = done.control.robot
     for name, found in done.responses.items():
         unit = robot.unit("position", robot.joint_names.index(name))

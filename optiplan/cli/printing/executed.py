@@ -31,7 +31,7 @@ def show_execution(console: Console, done: Mapping[str, Any]) -> None:
     )
     if report.get("slipped"):
         table.add_row("simulation", f"{report['slipped']:.3g} s slower than real time")
-    console.print(table)
+    console.print(table, markup=False)
 
 
 def _verdict(done: Mapping[str, Any]) -> tuple[str, str]:

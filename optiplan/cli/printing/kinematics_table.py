@@ -237,7 +237,7 @@ def _table(console: Console, title: str, headings: Sequence[str], rows: Sequence
         )
     if title:
         console.print(title, style="bold", markup=False)
-    console.print(table)
+    console.print(table, markup=False)
 
 
 def _list(values: Sequence[float]) -> str:

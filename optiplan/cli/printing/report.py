@@ -92,7 +92,7 @@ def _table(checks: Sequence[Check]) -> Table:
         small = check.unit == "m" and max(abs(check.worst or 0.0), abs(check.limit or 0.0)) < 1.0
         scale, unit = (1e3, "mm") if small else (1.0, check.unit)
         worst, limit = _number(check.worst, scale), _number(check.limit, scale)
-        table.add_row(check.name, verdict, worst, limit, unit, escape(_where(check)), check.kind)
+        table.add_row(escape(check.name), verdict, worst, limit, unit, escape(_where(check)), check.kind)
     return table
 
 

@@ -66,7 +66,7 @@ def show_robot(console: Console, data: Mapping[str, Any], full: bool = True) -> 
     for joint in _some(data["joints"], "joints", full):
         table.add_row(joint["name"], *(_number(joint[key]) for key in LIMITS))
     _show_touching(console, data)
-    console.print(table)
+    console.print(table, markup=False)
     _left_out(console, data["joints"], "joints", full)
     console.print("limits in rad, rad/s, rad/s², rad/s³, N·m (m and N for sliding joints)", style="dim")
     for name, joints in _some(list(data["groups"].items()), "groups", full):
@@ -135,7 +135,7 @@ def _show_pairs(console: Console, data: Mapping[str, Any], full: bool) -> None:
     for pair in _some(known, "pairs", full):
         word = reasons.get(tuple(pair["links"]), "checked")
         table.add_row(" – ".join(pair["links"]), word, f"{pair['collision_rate']:.1%}")
-    console.print(table)
+    console.print(table, markup=False)
     _left_out(console, known, "pairs", full)
 
 
@@ -156,7 +156,7 @@ def _show_dh(console: Console, table: Mapping[str, Any]) -> None:
             if row["joint"] == joint:
                 cells[key] = "q" if row[key] == 0 else f"q + {cells[key]}".replace("+ -", "- ")
         shown.add_row(row["name"], row["joint"] or "fixed", *(cells[key] for key in ("theta", "d", "a", "alpha")))
-    console.print(shown)
+    console.print(shown, markup=False)
 
 
 def _number(value: float | None) -> str:

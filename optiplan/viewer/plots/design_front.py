@@ -138,7 +138,7 @@ def design_page(result: DesignResult) -> str:
     title = f"Design study {result.study.spec.name}"
     return _PAGE.substitute(
         title=html.escape(title),
-        summary=html.escape(result.words + ("" if result.search.ended == "finished" else f" ({result.search.ended})")),
+        summary=html.escape(result.words),
         figure=figure,
         head="".join(f"<th><button>{html.escape(_labelled(*column))}</button>" for column in _headings(result))
         + "<th>chosen as",

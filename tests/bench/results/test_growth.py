@@ -9,7 +9,7 @@ from optiplan.bench.execution.pool import LocalPool
 from optiplan.bench.execution.runner import found_runs, open_results, run_suite
 from optiplan.bench.report.analysis import analyse
 from optiplan.bench.report.headline import facts, warnings
-from optiplan.bench.results.database import Store
+from optiplan.bench.results.database import Store, StoreError
 from optiplan.bench.results.growth import merge_results, place_of, together
 from optiplan.bench.suite.suite import load_suite
 from optiplan.errors import InputError
@@ -61,6 +61,26 @@ def test_what_must_agree_is_named_and_nothing_is_changed(write_suite, grow, tmp_
         grow(write_suite(count=2), add=False)
     (tmp_path / "problems" / "p1.yaml").unlink()
     assert grow(write_suite(count=1), add=False)[0].found == 1
+
+
+def test_a_merge_that_breaks_off_leaves_nothing(results, tmp_path, monkeypatch):
+    """So the same command can be given again: half a merge would be taken for a whole one."""
+    folders = [results({("s/a", name, 0): (1.0, 2.0)}, name) for name in ("one", "two")]
+    absorb, absorbed = Store.absorb, []
+
+    def full(store, *arguments):
+        if absorbed:
+            raise StoreError("database or disk is full")
+        absorbed.append(absorb(store, *arguments))
+
+    monkeypatch.setattr(Store, "absorb", full)
+    with pytest.raises(StoreError):
+        merge_results(folders, tmp_path / "both")
+    assert not (tmp_path / "both").exists()
+    monkeypatch.undo()
+    with merge_results(folders, tmp_path / "both") as store:
+        assert len(store.done()) == 2
+    assert {path.name for path in (tmp_path / "both").iterdir()} == {"results.sqlite", "lock"}
 
 
 def test_merged_folders_are_one(results, tmp_path):

@@ -106,6 +106,11 @@ def test_bodies(load, text):
     np.testing.assert_allclose(np.asarray(board.X_WO.rotation)[:2, 0], [np.cos(angle), np.sin(angle)], atol=1e-12)
 
 
+def test_no_bodies_may_be_said_by_nothing(load, text):
+    found = load(text.replace("obstacles: {}", "obstacles:").replace("cylinder: {}", "cylinder:"))
+    assert [problem.data["scene"]["obstacles"] for problem in (found[0], found[2])] == [[], []]
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
@@ -117,6 +122,7 @@ def test_bodies(load, text):
         ("start: ", "begin: ", "]: KeyError 'start'"),
         ("bare:", "- 3\nbare:", "shelf[2]: TypeError"),
         ("bare:\n", "bare: 3\nmore:\n", "the file"),
+        ("obstacles: {}", "obstacles: 3", "bare[0]: AttributeError"),
     ],
 )
 def test_what_is_refused(load, text, old, new, said):

@@ -17,6 +17,12 @@ def test_a_bound_is_printed_with_how_far_a_run_is_from_the_optimum(tmp_path, cap
     assert found["gap"] is None
 
 
+def test_a_run_without_a_motion_is_refused(tmp_path, capsys, shut_in):
+    assert run(["plan", str(shut_in), "--planner", "quintic", "--out", str(tmp_path / "run")]) == 3
+    assert run(["bound", str(shut_in), "--run", str(tmp_path / "run"), "--budget", "0.5"]) == 2
+    assert "run: a run without a motion; expected one with a motion" in capsys.readouterr().err
+
+
 def test_what_no_bound_is_known_of_is_bad_input(capsys):
     assert run(["bound", "08_pose"]) == 2
     assert "goal" in capsys.readouterr().err

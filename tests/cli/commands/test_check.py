@@ -3,8 +3,9 @@ import sys
 from optiplan.cli.progress import ProgressLine
 
 
-def test_good_files_are_ok(optiplan, free):
-    assert optiplan("check", free, "01_reach")[:2] == (0, f"{free}: ok\n01_reach: ok\n")
+def test_good_files_are_ok_whatever_their_names(optiplan, free):
+    other = free.rename(free.with_name("[red]cell.yaml"))
+    assert optiplan("check", other, "01_reach")[:2] == (0, f"{other}: ok\n01_reach: ok\n")
 
 
 def test_every_issue_of_every_file_at_once(optiplan, optiplan_json, free, tmp_path):

@@ -1,5 +1,6 @@
 """`optiplan control`: verdict first, exit codes, log folders that `view` plays."""
 
+import errno
 import json
 
 import pytest
@@ -80,8 +81,30 @@ scene:
     file = tmp_path / "loop.yaml"
     text = "version: 1\nproblem: problem.yaml\nreference: {plan: {budget: 2}}\n"
     file.write_text(text + "controller: {computed_torque: {}}\n")
-    assert run(["control", str(file)]) == 3
+    log = tmp_path / "log"
+    log.mkdir()
+    for name in ("log.npz", "slack.svg"):
+        (log / name).write_text("of another simulation")
+    assert run(["control", str(file), "--out", str(log)]) == 3
     assert "no motion to follow: " in capsys.readouterr().out
+    assert [path.name for path in log.iterdir()] == ["run.json"]
+    assert run(["view", str(log), "--export", str(tmp_path / "page.html")]) == 0
+
+
+def test_a_log_that_cannot_be_saved_is_told_all_the_same(file, tmp_path, capsys, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "no space left on device")
+
+    monkeypatch.setattr("optiplan.simulation.simulation.write_bytes", full)
+    assert run(["control", str(file), "--out", str(tmp_path / "log")]) == 2
+    told = capsys.readouterr()
+    assert told.out.startswith("ran to its end")
+    assert "written" not in told.out
+    assert "no space left on device" in told.err
+    assert run(["control", str(file), "--out", str(tmp_path / "log"), "--json"]) == 2
+    told = json.loads(capsys.readouterr().out)
+    assert (told["clean"], told["exit_code"]) == (True, 2)
+    assert "no space left on device" in told["error"]
 
 
 def test_view_plays_a_log(file, tmp_path, capsys):

@@ -1,5 +1,6 @@
 """`optiplan new` writes a problem that can be planned; `optiplan schema` writes what editors read."""
 
+import io
 import json
 from pathlib import Path
 
@@ -53,6 +54,13 @@ def test_answers_are_checked_and_nothing_is_overwritten(tmp_path, capsys):
     file.write_text("mine")
     assert optiplan(["new", str(file)]) == 2
     assert file.read_text() == "mine"
+
+
+def test_input_that_ends_at_a_question_is_no_fault_of_ours(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True)
+    assert optiplan(["new", str(tmp_path / "first.yaml")]) == 2
+    assert "no answer; expected one, or the options" in capsys.readouterr().err
 
 
 def test_the_schema_explains_every_key_and_takes_the_examples(tmp_path, problems):

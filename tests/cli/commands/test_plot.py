@@ -42,6 +42,9 @@ def test_several_runs_go_into_one_file(optiplan, run, free, shut_in, tmp_path):
         (("--format", "gif"), "unknown format 'gif'"),
         (("--out", "a.svg", "--format", "png"), "a folder for several"),
         (("--frames", "-1"), "number ≥ 0"),
+        (("--figure", "tool", "--share"), "goes with the figure joints"),
+        (("--figure", "path", "--joints", "elbow"), "goes with the figure joints"),
+        (("--figure", "joints", "--frames", "9"), "goes with the figure path"),
     ],
 )
 def test_wrong_wishes_are_named(optiplan, run, tmp_path, monkeypatch, arguments, words):

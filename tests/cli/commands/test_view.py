@@ -88,6 +88,10 @@ def test_serving_prints_the_address(optiplan, run, free, monkeypatch, command):
     code, out, _ = optiplan("plan", free, "--view") if command == "plan" else optiplan("view", run)
     assert code == 0
     assert "open http://127.0.0.1:7000/ in a browser" in out
+    if command == "plan":
+        _, out, err = optiplan("plan", free, "--view", "--json")
+        assert json.loads(out)["exit_code"] == 0
+        assert "open http://127.0.0.1:7000/ in a browser" in err
 
 
 def test_scripts_draw_where_it_is_said(optiplan, run, monkeypatch, tmp_path):
@@ -136,6 +140,22 @@ def test_files_that_cannot_be_written_are_refused(optiplan, run, tmp_path, optio
     code, _, err = optiplan("view", run, option, value if option in ("--size", "--at") else tmp_path / value)
     assert code == 2
     assert expected in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--at", "t=0.4"), "--at: goes with --png or --gif"),
+        (("--size", "800x600", "--export", "page.html"), "--size: goes with --png or --gif"),
+        (("--port", "7000", "--export", "page.html"), "--port: serves the page"),
+    ],
+)
+def test_options_without_effect_are_refused(optiplan, run, tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = optiplan("view", run, *arguments)
+    assert code == 2
+    assert words in " ".join(err.split())
+    assert not (tmp_path / "page.html").exists()
 
 
 def test_a_picture_and_a_film_are_written(optiplan, run, tmp_path):

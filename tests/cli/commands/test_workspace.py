@@ -79,6 +79,9 @@ def test_bad_input_is_told_with_what_is_valid(optiplan, tmp_path):
         (("ur5", "--resolution", "16bit", *FEW), "goes with --accuracy"),
         (("ur5", "--grid", "99"), "at most"),
         (("ur5", "--samples", "0"), "--samples"),
+        (("ur5", "--no-collision", "--floor", "0.1"), "does not go with --no-collision"),
+        (("ur5", "--grid", "3", "--samples", "9"), "goes with random configurations, not with --grid"),
+        (("ur5", "--grid", "3", "--seed", "0"), "goes with random configurations, not with --grid"),
         (("ur5", "--out", tmp_path / "file"), "folder"),
     ):
         code, out, err = optiplan("workspace", *arguments)

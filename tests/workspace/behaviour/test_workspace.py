@@ -1,6 +1,9 @@
 """Reach, coverage of the reach sphere, and samples that do not depend on the number of processes."""
 
 import os
+import signal
+import subprocess
+import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -148,6 +151,26 @@ class Dying(ChunkedWork[int]):
 def test_a_worker_that_dies_is_told():
     with pytest.raises(OptiPlanError, match="worker"):
         run_chunks(Dying(), 4, 2)
+
+
+def test_a_script_without_a_guard_is_told_of_it(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text("import optiplan as op\nop.workspace('planar2r', samples=4001)\n")
+    with_two_cores = "import optiplan.workspace.sampling as s; s.cores = lambda: 2\n"
+    script.write_text(with_two_cores + script.read_text())
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=100)
+    assert done.returncode == 1
+    assert 'without `if __name__ == "__main__":`' in done.stderr
+    assert done.stderr.count("Traceback") == 1
+
+
+class Interrupted(ChunkedWork[int]):
+    def prepare(self):
+        return lambda k: os.kill(os.getpid(), signal.SIGINT) or k
+
+
+def test_ctrl_c_is_for_the_parent_of_the_workers():
+    assert run_chunks(Interrupted(), 4, 2) == [0, 1, 2, 3]
 
 
 class DyingBesideAnother(ChunkedWork[int]):

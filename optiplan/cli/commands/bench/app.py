@@ -1,17 +1,14 @@
 """`optiplan bench`: run or resume a suite of problems and planners, export its results."""
 
 import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 from typing import Annotated, Any
 
 import typer
 
 from optiplan.cli.commands.bench import report
 from optiplan.cli.options import AsJson
-from optiplan.cli.output import Exit, messages, print_json, results, say, stdout_is_ours
+from optiplan.cli.output import Exit, handling, messages, print_json, results, say, stdout_is_ours
 from optiplan.cli.printing.bench_progress import progress
 from optiplan.cli.progress import ProgressLine
 
@@ -87,8 +84,12 @@ def run(
     folder = out or results_folder(chosen.spec.name)
     with open_results(chosen, folder, add) as store:
         for words in other_versions(store):
-            messages().print(f"note: earlier runs were made with another version of {words}", style="yellow")
-        with _stopped_by_signals(pool), progress(chosen.size, found_runs(chosen, store)) as watch:
+            messages().print(
+                f"note: earlier runs were made with another version of {words}", style="yellow", markup=False
+            )
+        # Ctrl-C and SIGTERM end the current runs and let finished ones be stored
+        ends = handling((signal.SIGINT, signal.SIGTERM), lambda *_: pool.close())
+        with ends, progress(chosen.size, found_runs(chosen, store)) as watch:
             done = run_suite(chosen, store, pool, label, watch)
         standing = None if table is None else held_against(store, table)
         _tell(store, done, standing, as_json)
@@ -187,12 +188,13 @@ def import_results(
 
 def _workforce(workers: int | None, dask: str | None, pin: bool) -> tuple[Any, str]:
     """Return the workforce, and its name in the results."""
-    from optiplan.bench.bench import available_cores, workforce
+    from optiplan.bench.bench import workforce
+    from optiplan.cores import cores
 
-    cores = available_cores()
-    count = workers or cores
-    if dask is None and pin and count > cores:
-        raise typer.BadParameter(f"--pin: {count} workers, and {cores} cores for them: expected --workers {cores}")
+    if dask is None and pin and (workers or 0) > cores():
+        raise typer.BadParameter(
+            f"--pin: {workers} workers, and {cores()} cores for them: expected --workers {cores()}"
+        )
     if dask is not None and (workers is not None or pin):
         raise typer.BadParameter("--dask brings its own workers: leave out --workers and --pin")
     return workforce(workers, dask, pin)
@@ -217,18 +219,3 @@ def _tell(store: Any, done: Any, standing: Any, as_json: bool) -> None:
     show_summary(results(), store, done, standing)
     if page:
         say(f"report: {page}")
-
-
-@contextmanager
-def _stopped_by_signals(pool: Any) -> Iterator[None]:
-    """On Ctrl-C and SIGTERM end the current runs and let finished ones be stored."""
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        pool.close()
-
-    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

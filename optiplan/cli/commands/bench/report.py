@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.console import Console
 
-from optiplan.cli.options import AsJson
-from optiplan.cli.output import print_json, results, say, stdout_is_ours
+from optiplan.cli.options import AsJson, Port, refuse
+from optiplan.cli.output import messages, print_json, results, say, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="the folder of a suite's results")]
@@ -69,7 +70,7 @@ def report(
         else:
             say("\n".join(map(str, written)))
         if serve:
-            _serve(store.folder)
+            _serve(store.folder, messages() if as_json else results())
     return 0
 
 
@@ -80,7 +81,7 @@ def show(
     seed: Annotated[int, typer.Argument(metavar="SEED")] = 0,
     repetition: Annotated[int, typer.Argument(metavar="REPETITION")] = 0,
     export: Annotated[Path | None, typer.Option(metavar="PAGE.html", help="write one file, serve nothing")] = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, metavar="N", help="first port to try; 0: any")] = 7000,
+    port: Port = None,
 ) -> int:
     """Open runs of a suite on one problem in the viewer: their motions, or the witness of a failure.
 
@@ -94,11 +95,14 @@ def show(
     from optiplan.bench.results.database import Store
     from optiplan.cli.viewing import serve_page
     from optiplan.viewer.page import export_page
+    from optiplan.viewer.server import FIRST_PORT
 
+    if export is not None:
+        refuse({"--port": port}, "serves the page; beside --export nothing is served")
     with Store(folder) as store, stdout_is_ours():
         found, runs = stored_views(store, keys_of(store, problem, planner, seed, repetition))
     if export is None:
-        serve_page(found, runs, port)
+        serve_page(found, runs, FIRST_PORT if port is None else port)
         return 0
     export_page(found, runs, export)
     say(f"written: {export}")
@@ -152,12 +156,12 @@ def _shown(folders: list[Path]) -> Iterator[Any]:
         yield store
 
 
-def _serve(folder: Path) -> None:
+def _serve(folder: Path, console: Console) -> None:
     from optiplan.bench.report.server import ReportServer
 
     signal.signal(signal.SIGINT, signal.default_int_handler)
     with ReportServer(folder) as server:
-        results().print(f"open {server.url} in a browser (ctrl-C ends)")
+        console.print(f"open {server.url} in a browser (ctrl-C ends)")
         try:
             server.serve_forever(poll_interval=0.2)
         except KeyboardInterrupt:

@@ -54,7 +54,7 @@ def robots(context: typer.Context, as_json: AsJson = False) -> int:
             spec.tool_frame or "last link",
             ", ".join((*spec.configurations, *spec.configurations_deg)),
         )
-    results().print(table)
+    results().print(table, markup=False)
     return 0
 
 

@@ -1,17 +1,28 @@
 """Commands that choose something about a robot: where it stands, how it is made."""
 
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
-from optiplan.cli.output import print_json, say
+from optiplan.cli.output import saved, say, show_result
+from optiplan.errors import InputError
 
 
-def shown(data: Mapping[str, Any], show: Callable[[], None], files: Sequence[str], code: int, as_json: bool) -> int:
-    """Print a result as JSON, or by `show` and with the files that were written; return the exit code."""
-    if as_json:
-        print_json({**data, "files": list(files), "exit_code": code})
-        return code
-    show()
-    for path in files:
-        say(f"written: {path}")
-    return code
+def shown(
+    data: Mapping[str, Any],
+    show: Callable[[], None],
+    code: int,
+    as_json: bool,
+    out: Path | None,
+    save: Callable[[Path], Sequence[Path]],
+) -> int:
+    """Save a result in `out`, where that is given, and print it with the files written; return the exit code."""
+    unsaved: list[InputError] = []
+    files = [] if out is None else saved(lambda: save(out), unsaved)
+
+    def told() -> None:
+        show()
+        for path in files:
+            say(f"written: {path}")
+
+    return show_result({**data, "files": files}, told, code, as_json, unsaved)

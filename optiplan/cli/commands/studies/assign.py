@@ -39,12 +39,14 @@ def assign(file: File, budget: Seconds = 120.0, out: Out = None, as_json: AsJson
     Exit code: 0 verified · 2 bad input · 3 no arm can do a job, or nothing was verified · 130 interrupted.
     """
     from optiplan.api.studies.assigning import assign as search
+    from optiplan.runs.run_folder import check_folder
 
+    if out is not None:
+        check_folder(out)
     with interruptible(), stdout_is_ours(), ProgressLine() as progress:
-        found = search(file, out=out, budget=budget, progress=progress)
-    files = [] if out is None or found.run is None else [str(out / "problem.yaml"), str(out / "run")]
+        found = search(file, budget=budget, progress=progress)
     code = int(Exit.INTERRUPTED) if found.ended == "interrupted" else int(0 if found.run is not None else Exit.NO_PLAN)
-    return shown(found.data, lambda: _print(found), files, code, as_json)
+    return shown(found.data, lambda: _print(found), code, as_json, out, found.save)
 
 
 def _print(found: "Assignment") -> None:
@@ -53,5 +55,5 @@ def _print(found: "Assignment") -> None:
         table = plain_table((), ("job", "arm", "begin, s", "end, s"))
         for one in found.jobs:
             table.add_row(one.job, one.arm, f"{one.begin:.3f}", f"{one.end:.3f}")
-        results().print(table)
+        results().print(table, markup=False)
     results().print(found.words, soft_wrap=True, markup=False)

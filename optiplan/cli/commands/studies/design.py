@@ -1,5 +1,6 @@
 """`optiplan design`: numbers of a robot chosen for what it has to do."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -34,7 +35,8 @@ def design(study: Study, budget: Seconds = None, out: Out = None, as_json: AsJso
     """Choose link lengths, masses and limits of a robot for what it has to do.
 
     Shows the best compromises between the objectives of the study. The given design, the middle one and the best in
-    every objective are planned with in all tasks, and verified. Ctrl-C ends the search and keeps what was found.
+    every objective are planned with in all tasks, and verified. Ctrl-C ends the search and keeps what was found;
+    once more, and the chosen designs that are not planned yet are left out.
 
     [bold]Examples[/]
 
@@ -45,15 +47,18 @@ def design(study: Study, budget: Seconds = None, out: Out = None, as_json: AsJso
     Exit code: 0 there is a front · 2 bad input · 3 no design meets what is required · 130 interrupted.
     """
     from optiplan.api.studies.designing import design as search
+    from optiplan.api.studies.designing import save_design
+    from optiplan.runs.run_folder import check_folder
 
+    if out is not None:
+        check_folder(out)
     try:
         with interruptible(), stdout_is_ours(), ProgressLine() as progress:
-            found = search(study, out=out, budget=budget, progress=progress)
+            found = search(study, budget=budget, progress=progress)
     except KeyboardInterrupt:
         return tell_interrupted("no design was measured", as_json)
-    files = [] if out is None else [str(out / name) for name in ("design.html", "front.pdf", *found.files)]
-    code = int(Exit.INTERRUPTED) if found.search.ended == "interrupted" else int(0 if found.front else Exit.NO_PLAN)
-    return shown(found.data, lambda: _print(found), files, code, as_json)
+    code = int(Exit.INTERRUPTED) if found.ended == "interrupted" else int(0 if found.front else Exit.NO_PLAN)
+    return shown(found.data, lambda: _print(found), code, as_json, out, partial(save_design, found))
 
 
 def _print(found: "DesignResult") -> None:
@@ -72,5 +77,5 @@ def _print(found: "DesignResult") -> None:
             seconds = "" if proof.cycle_time is None else f" in {proof.cycle_time:.3f} s"
             words += f": verified{seconds}" if proof.verified else ": not verified"
         table.add_row(*(f"{row[name]:.4g}" if name in row else "–" for name in names), words)
-    results().print(table)
-    results().print(found.words, soft_wrap=True)
+    results().print(table, markup=False)
+    results().print(found.words, soft_wrap=True, markup=False)

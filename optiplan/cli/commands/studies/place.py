@@ -55,23 +55,26 @@ def place(
     from optiplan.api.loading import load_problem
     from optiplan.api.studies.placing import place as search
     from optiplan.planners.tours.placing import PlaceRange
+    from optiplan.runs.run_folder import check_folder
 
+    if out is not None:
+        check_folder(out)
     with stdout_is_ours(), ProgressLine() as progress:
         problem = load_problem(task)
         where = PlaceRange(x, y, z, radians(yaw), points)
-        found = search(problem, robot, where, out=out, budget=budget, progress=progress)
-    files = [] if out is None else [str(path) for path in sorted(out.glob("*")) if path.stem in ("place", "problem")]
-    return shown(_data(found), lambda: _print(found), files, int(Exit.NO_PLAN if found.run is None else 0), as_json)
+        found = search(problem, robot, where, budget=budget, progress=progress)
+    code = int(Exit.NO_PLAN if found.run is None else 0)
+    return shown(_data(found), lambda: _print(found), code, as_json, out, found.save)
 
 
 def _print(found: "Placement") -> None:
     """Print the bases that were planned, why some are not verified, and the result in a sentence."""
     table = plain_table((), ("base moved by x, m", "y, m", "z, m", "yaw, rad", "duration, s", "verified"))
-    for moved, run in [((0.0,) * 4, found.given), *found.runs]:
-        duration = "–" if run is None or run.duration is None else f"{run.duration:.3f}"
-        verified = "yes" if run is not None and run.verified else "no"
+    for moved, run in found.planned:
+        duration = "–" if run.duration is None else f"{run.duration:.3f}"
+        verified = "yes" if run.verified else "no"
         table.add_row(*(f"{value:.3f}" for value in moved), duration, verified)
-    results().print(table)
+    results().print(table, markup=False)
     for moved, why in found.unverified:
         x, y, z, yaw = moved
         say(f"not verified at x {x:.3f} m, y {y:.3f} m, z {z:.3f} m, yaw {yaw:.3f} rad: {why}", style="red")
@@ -80,19 +83,16 @@ def _print(found: "Placement") -> None:
 
 def _data(found: "Placement") -> dict[str, Any]:
     """Return the `--json` output; m, rad and s."""
-    runs = [((0.0,) * 4, found.given), *found.runs]
     return {
         "robot": found.problem.robot.name,
         "problem": found.problem.name,
         "moved": found.moved,
         "base": found.base,
         "duration": None if found.run is None else found.run.duration,
-        "given": None if found.given is None or not found.given.verified else found.given.duration,
+        "given": found.given.duration if found.given.verified else None,
         "scored": len(found.scores.seconds),
         "planned": [
-            {"moved": moved, "duration": run.duration, "verified": run.verified}
-            for moved, run in runs
-            if run is not None
+            {"moved": moved, "duration": run.duration, "verified": run.verified} for moved, run in found.planned
         ],
         "unverified": [{"moved": moved, "why": why} for moved, why in found.unverified],
     }

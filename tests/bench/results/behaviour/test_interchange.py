@@ -190,6 +190,13 @@ def test_claims_are_compared_with_times_and_never_as_success(ours, tmp_path, cap
     assert any("2 runs in B have no trajectory" in note for note in data["notes"])
 
 
+def test_numbers_that_are_not_finite_are_unknown(ours, tmp_path):
+    told = {"solve_time": math.nan, "motion_time": 10**400, "success": True, "their": {"own": [math.inf, 1]}}
+    (row,) = imported(ours, tmp_path, [{"problem": "plain/p0", **told}]).values()
+    assert (row["plan_time"], row["duration"], row["timed"]) == (None, None, 0)
+    assert json.loads(row["info"])["their"] == {"own": [None, 1]}
+
+
 ENTRY = {"problem": "plain/p0", "success": True}
 
 
@@ -200,6 +207,7 @@ ENTRY = {"problem": "plain/p0", "success": True}
         ([{"problem": "plain/p9"}], "entry 0: problem 'plain/p9'; expected an id of"),
         ([ENTRY, ENTRY], "entry 1: 'plain/p0', seed 0 a second time; expected one entry for each problem and seed"),
         ([ENTRY | {"seed": "one"}], "seed: entry 0: 'one'; expected a whole number"),
+        ([ENTRY | {"seed": 2**63}], "seed: entry 0: 9223372036854775808; expected a whole number of 64 bits"),
         ([ENTRY | {"trajectory": {"t": [0, 1]}}], "entry 0: trajectory: t, q: nothing"),
         (
             [ENTRY | {"trajectory": {"t": [0, 0], "q": [[0, 0], [1, 1]]}}],

@@ -1,6 +1,8 @@
 """`optiplan design`: the table, JSON, files, and study files that say nothing sensible."""
 
+import errno
 import json
+import os
 import re
 import signal
 import subprocess
@@ -8,6 +10,7 @@ import sys
 
 import pytest
 
+from optiplan.cli.output import handling
 from tests.waiting import processor_seconds, wait_until
 
 STUDY = """\
@@ -107,6 +110,45 @@ def test_ctrl_c_keeps_what_was_found(study, tmp_path):
     assert data["ended"] == "interrupted"
     assert data["designs"] > 1
     assert (tmp_path / "out" / "design.html").is_file()
+
+
+def test_a_given_design_that_cannot_do_a_task_is_told_in_json(optiplan_json, study):
+    far = "{pose: {position: [1.0, 0.0, 0.0], rpy: [0, 0, 0]}}"
+    task = "tasks: [{start: {joints: [0.1, 0.5]}, goal: " + far + "}]\n"
+    study.write_text(re.sub("tasks:\n.*\n", task, STUDY).replace("=1 - upper", "=0.9 - upper"))
+    code, data = optiplan_json("design", str(study))
+    assert code == data["exit_code"] == 3
+    assert [proof["cycle_time"] for proof in data["proofs"]] == [None]
+
+
+def test_ctrl_c_between_the_proofs_keeps_the_compromise(optiplan, study, tmp_path, monkeypatch):
+    def pressed(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("optiplan.api.studies.designing.prove_design", pressed)
+    code, out, _ = optiplan("design", str(study), "--out", str(tmp_path / "out"))
+    assert code == 130
+    assert re.search(r"\(interrupted\): .* 0 of \d chosen designs verified", out)
+    assert (tmp_path / "out" / "robot.yaml").is_file()
+    assert optiplan("design", str(study), "--out", str(tmp_path / "out" / "design.html"))[0] == 2
+    study.write_text(STUDY + "require: {reach_volume: {least: 1000}}\n")
+    optiplan("design", str(study), "--out", str(tmp_path / "out"))
+    assert not (tmp_path / "out" / "robot.yaml").exists()
+
+
+def test_ctrl_c_waits_while_a_study_is_saved(optiplan, study, tmp_path, monkeypatch):
+    def write(folder, *_):
+        os.kill(os.getpid(), signal.SIGINT)
+        raise OSError(errno.ENOSPC, "no space left on device", str(folder))
+
+    monkeypatch.setattr("optiplan.api.studies.designing.write_result", write)
+    seen = []
+    with handling((signal.SIGINT,), lambda *_: seen.append("pressed")):
+        code, out, err = optiplan("design", str(study), "--out", str(tmp_path / "out"))
+    assert (code, seen) == (2, ["pressed"])
+    assert "on the front" in out
+    assert "not saved: " in err
+    assert "no space left on device" in err
 
 
 def test_ctrl_c_before_the_first_design_is_no_fault(optiplan, study, monkeypatch):

@@ -37,15 +37,25 @@ def test_a_base_is_found_and_written(optiplan, task, tmp_path):
     assert optiplan("check", str(tmp_path / "place" / "problem.yaml"))[0] == 0
 
 
-def test_json_of_a_task_out_of_reach(optiplan_json, task):
+def test_json_of_a_task_out_of_reach(optiplan_json, task, tmp_path):
     task.write_text(TASK.replace("0.45, 0.2", "4.5, 0.2"))
-    code, data = optiplan_json("place", "ur5", str(task), *FEW)
+    for name in ("place.html", "problem.yaml"):
+        (tmp_path / name).write_text("of an earlier result")
+    code, data = optiplan_json("place", "ur5", str(task), *FEW, "--out", str(tmp_path))
     assert code == data["exit_code"] == 3
+    assert data["files"] == [str(tmp_path / name) for name in ("place.png", "place.html")]
+    assert not (tmp_path / "problem.yaml").exists()
     assert data["duration"] is None
     assert data["base"] is None
     assert data["scored"] >= 4
     assert data["unverified"][0]["moved"] == [0.0] * 4
     assert "goal" in data["unverified"][0]["why"]
+
+
+def test_a_budget_that_the_map_uses_up_leaves_a_second_for_each_plan(optiplan_json, task):
+    code, data = optiplan_json("place", "ur5", str(task), *FEW[:-2], "--budget", "0.1")
+    assert code in (0, 3)
+    assert data["planned"][0]["moved"] == [0.0] * 4
 
 
 def test_a_table_says_why_a_place_is_refused(optiplan, task):
