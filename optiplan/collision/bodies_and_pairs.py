@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Flags, Index
+from optiplan.cache import MostRecent
 from optiplan.geometry.coal_queries import exact_distance_request
 from optiplan.geometry.safety import Safety
 from optiplan.geometry.scene import Obstacle, Scene
@@ -90,16 +91,18 @@ def with_asked_checked(safety: Safety | None, robot: Robot) -> Robot:
         return robot
     known = _known_checked(robot)
     required = safety.own, *((tuple(one.of), tuple(one.others), one.at_least) for one in safety.pairs)
-    if required not in known:
+
+    def make() -> Robot | None:
         asked = [pair for pair, why in robot.allowed.items() if why == PROVED and _more_than_proved(safety, pair)]
-        known[required] = robot.with_proved_checked(asked) if asked else None
-    return known[required] or robot
+        return robot.with_proved_checked(asked) if asked else None
+
+    return known.get(repr(required), make) or robot
 
 
 @once_for_each
-def _known_checked(robot: Robot) -> dict[tuple[object, ...], Robot | None]:
+def _known_checked(_robot: Robot) -> MostRecent[Robot | None]:
     """Return a robot with more pairs checked, by the distances required: models are kept for the same robot."""
-    return {}
+    return MostRecent(8)
 
 
 def _more_than_proved(safety: Safety, pair: LinkPair) -> bool:

@@ -12,7 +12,7 @@ from optiplan.arrays import Array, Flags, Index, distinct
 from optiplan.collision.bodies_and_pairs import with_asked_checked
 from optiplan.collision.contacts import Pair
 from optiplan.collision.model import CollisionModel
-from optiplan.geometry.safety import BuiltNear, SafePairs, Safety
+from optiplan.geometry.safety import BuiltNear, Safety
 from optiplan.geometry.scene import Scene
 from optiplan.robot.limits import UNBOUNDED
 from optiplan.robot.loaded_robots import once_for_each_robot
@@ -182,16 +182,15 @@ def with_built(safety: Safety | None, robot: Robot) -> Safety | None:
     """
     if safety is None or not any((safety.own, *(pair.at_least for pair in safety.pairs))):
         return safety
-    known, asked = _known_built(robot), (safety.own, safety.pairs)
-    if asked not in known:
-        known[asked] = _kept_built(safety, with_asked_checked(safety, robot))
-    return replace(safety, built=known[asked])
+    stated = repr((safety.own, safety.pairs))
+    built = _known_built(robot).get(stated, lambda: _kept_built(safety, with_asked_checked(safety, robot)))
+    return replace(safety, built=built)
 
 
 @once_for_each_robot
-def _known_built(robot: Robot) -> dict[tuple[float, tuple[SafePairs, ...]], tuple[BuiltNear, ...]]:
+def _known_built(_robot: Robot) -> cache.MostRecent[tuple[BuiltNear, ...]]:
     """Return what was found of a robot, by the distances required: a file is read more often than it is changed."""
-    return {}
+    return cache.MostRecent(8)
 
 
 def _kept_built(safety: Safety, robot: Robot) -> tuple[BuiltNear, ...]:

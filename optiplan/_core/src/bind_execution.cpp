@@ -27,12 +27,16 @@ struct PathLaws {
 std::unique_ptr<PathLaws> make_laws(Vector breakpoints, Stack coefficients, Matrix limits, Vector ends,
                                     const std::vector<const Tree *> &trees, double width, Vector rules) {
     const std::size_t n = coefficients.shape(2);
-    expect(breakpoints.size() == coefficients.shape(0) + 1, "breakpoints (m + 1,), coefficients (m, degree + 1, n)");
+    expect(coefficients.size() > 0 && breakpoints.size() == coefficients.shape(0) + 1,
+           "breakpoints (m + 1,), coefficients (m, degree + 1, n)");
     expect(limits.shape(0) == 3 && limits.shape(1) == n, "limits (3, n): acceleration, jerk, torque");
     expect(ends.size() == trees.size() && !trees.empty(), "a tree for every load");
     expect(rules.size() == 4, "step, look, most rate, most jerk");
     std::vector<Load> loads;
-    for (std::size_t k = 0; k < trees.size(); ++k) loads.push_back({ends.data()[k], *trees[k]});
+    for (std::size_t k = 0; k < trees.size(); ++k) {
+        expect(trees[k] && trees[k]->planned == static_cast<int>(n), "trees of n joints");
+        loads.push_back({ends.data()[k], *trees[k]});
+    }
     Curve path{to_vector(breakpoints), to_vector(coefficients), static_cast<int>(coefficients.shape(1)) - 1,
                static_cast<int>(n)};
     const double *l = limits.data(), *r = rules.data();
@@ -110,7 +114,8 @@ std::unique_ptr<PathWatch> make_watch(World &world, Vector breakpoints, Stack co
                                       const std::vector<double> &error) {
     const std::size_t n = coefficients.shape(2);
     expect(error.empty() || error.size() == n, "an error of each joint");
-    expect(breakpoints.size() == coefficients.shape(0) + 1, "breakpoints (m + 1,), coefficients (m, degree + 1, n)");
+    expect(coefficients.size() > 0 && breakpoints.size() == coefficients.shape(0) + 1,
+           "breakpoints (m + 1,), coefficients (m, degree + 1, n)");
     expect(static_cast<int>(n) == world.tree().planned, "a path of the world's joints");
     const Curve path{to_vector(breakpoints), to_vector(coefficients), static_cast<int>(coefficients.shape(1)) - 1,
                      static_cast<int>(n)};

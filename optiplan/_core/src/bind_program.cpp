@@ -138,11 +138,8 @@ std::unique_ptr<Sqp> among_bodies(std::shared_ptr<const Spline> spline, const Wo
     const auto &[middle, start, end] = margins;
     expect(start.size() == world.pairs().size() && end.size() == start.size(), "margins of all pairs");
     expect(torque.size() == spline->joints && world.tree().planned == static_cast<int>(spline->joints), "n joints");
-    const auto wanted = std::make_shared<const Margins>(Margins{middle, to_vector(start), to_vector(end)});
-    const std::size_t n = spline->joints;
-    NearBodies near = [&world, wanted, cutoff, n](const Vec &u, const Vec &Q) {
-        return near_rows(world, *wanted, u, Q, cutoff);
-    };
+    const auto pairs = std::make_shared<NearPairs>(world, Margins{middle, to_vector(start), to_vector(end)}, cutoff);
+    NearBodies near = [pairs](const Vec &u, const Vec &Q) { return pairs->of(u, Q); };
     return std::make_unique<Sqp>(spline, std::move(near), TorqueRows(world.tree(), to_vector(torque)),
                                  make_settings(settings));
 }

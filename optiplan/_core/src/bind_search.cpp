@@ -1,3 +1,6 @@
+#include <algorithm>
+#include <cmath>
+
 #include <nanobind/stl/vector.h>
 
 #include "arrays.hpp"
@@ -12,6 +15,10 @@ using namespace nb::literals;
 
 static void expect_configuration(const EdgeChecker &check, const Vector &q) {
     expect(q.size() == static_cast<std::size_t>(check.joints()), "a configuration (n,)");
+}
+
+static bool finite(const double *values, std::size_t count) {
+    return std::all_of(values, values + count, [](double x) { return std::isfinite(x); });
 }
 
 static void make_checker(EdgeChecker *self, const World &world, const Matrix &arms, const Vector &torque,
@@ -33,6 +40,9 @@ static void make_search(RrtConnect *self, EdgeChecker &check, const Vector &stil
     expect_configuration(check, still);
     expect(rows.shape(0) == 5 && rows.shape(1) == m && start.size() == m && goals.shape(1) == m && goals.shape(0) > 0,
            "m searched joints");
+    expect(m > 0 && reach > 0.0 && finite(still.data(), still.size()) && finite(start.data(), m) &&
+               finite(goals.data(), goals.size()) && finite(rows.data(), 3 * m),
+           "finite numbers");
     SearchSpace space;
     space.still = to_vector(still);
     for (std::size_t k = 0; k < m; ++k) {
@@ -109,12 +119,25 @@ void bind_search(nb::module_ &m) {
         .def("grow", &RrtConnect::grow, "iterations"_a, "seconds"_a, nb::call_guard<nb::gil_scoped_release>())
         .def_prop_ro("iterations", &RrtConnect::iterations)
         .def_prop_ro("met", &RrtConnect::met)
-        .def("size", &RrtConnect::size, "tree"_a)
+        .def_prop_ro("full", &RrtConnect::full)
         .def(
-            "path", [](const RrtConnect &self, std::size_t n) { return configurations(self.path(), n); }, "joints"_a)
+            "size",
+            [](const RrtConnect &self, int tree) {
+                expect(tree == 0 || tree == 1, "tree 0 or 1");
+                return self.size(tree);
+            },
+            "tree"_a)
+        .def(
+            "path",
+            [](const RrtConnect &self, std::size_t n) {
+                expect(self.met() && n > 0, "trees that have met");
+                return configurations(self.path(), n);
+            },
+            "joints"_a)
         .def(
             "sample",
             [](const RrtConnect &self, int tree, int most, std::size_t n) {
+                expect((tree == 0 || tree == 1) && most > 0 && n > 0, "tree 0 or 1, at least one of its states");
                 return configurations(self.sample(tree, most), n);
             },
             "tree"_a, "most"_a, "joints"_a);

@@ -17,9 +17,9 @@ using namespace nb::literals;
 static Tree make_tree(const Indices &parents, const Stack &placements, const Matrix &screws, const Indices &leaders,
                       const Matrix &couplings, const Matrix &inertias, int planned, const Vector &gravity) {
     const std::size_t count = parents.size();
-    expect(placements.shape(0) == count && screws.shape(0) == count && screws.shape(1) == 6 &&
-               leaders.size() == count && couplings.shape(0) == count && couplings.shape(1) == 2 &&
-               inertias.shape(0) == count && inertias.shape(1) == 13 && gravity.size() == 3,
+    expect(placements.shape(0) == count && placements.size() == 16 * count && screws.shape(0) == count &&
+               screws.shape(1) == 6 && leaders.size() == count && couplings.shape(0) == count &&
+               couplings.shape(1) == 2 && inertias.shape(0) == count && inertias.shape(1) == 13 && gravity.size() == 3,
            "a tree of J joints is made of arrays with J rows");
     Tree tree;
     tree.planned = planned;
@@ -180,6 +180,7 @@ static nb::tuple near(const World &world, const Matrix &Q, double cutoff) {
 
 static nb::object nearest(const World &world, const Matrix &Q) {
     expect_configurations(world, Q);
+    expect(Q.shape(0) > 0, "a configuration");
     Placement at = world.placement();
     world.place(Q.data(), at);
     const Contact contact = world.nearest(at);

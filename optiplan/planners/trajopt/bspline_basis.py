@@ -47,7 +47,7 @@ def bunched_basis(spans: int, bunching: float, open_end: bool) -> "SplineBasis":
     return SplineBasis(bunched_breakpoints(spans, bunching), open_end)
 
 
-@lru_cache(maxsize=48)
+@lru_cache(maxsize=512)  # some 8 kB each: instants by their number come again in later plans, added ones do not
 def _matrix(basis: "SplineBasis", order: int, instants: bytes) -> Array:
     """Return the matrix of `SplineBasis.at` at instants, as bytes of an array of float64."""
     knots = basis.knots[order : len(basis.knots) - order]

@@ -59,6 +59,8 @@ _ONE = 0.3
 _SEARCH, _FIRST_SEARCH = 0.5, 0.8
 """Shares of the remaining budget for one path search: once there is a motion, and before."""
 
+_NO_GOAL = Failure("no-path", "no motion to an end of the goal can be shorter than the best one")
+
 
 @dataclass(eq=False)
 class PathSearch:
@@ -138,7 +140,8 @@ class PathSearch:
         return self._briefly(sampler, self._check(), _QUICK)
 
     def _briefly(self, sampler: GoalSampler, check: MotionCheck, work: float) -> SampledPath | Failure:
-        goals = self.promising(sampler)
+        if not (goals := self.promising(sampler)):
+            return _NO_GOAL
         bounds = self.problem.lower_bounds(goals)
         soon = [q for q, bound in zip(goals, bounds, strict=True) if bound <= _SOON * bounds[0]]
         return self._sample(sampler, check, self.patience.seconds + work, None, soon)
@@ -267,6 +270,8 @@ class PathSearch:
         budget = self.budget.leaving((1.0 - share) * self.budget.remaining)
         with self.watch.stage("sampling"):
             goals = self.promising(sampler) if aims is None else aims
+            if not goals:
+                return _NO_GOAL
             if self._on_constraints.apply:
                 return self._on_constraints.path(goals, budget, number)
             relaxed = None if repair is None else through_thinner(repair)

@@ -253,8 +253,11 @@ class _Run:
                 yield self._with_bump(self.incumbent.curve.control, rng)
 
     def _line(self, sampler: GoalSampler, number: int) -> Array:
-        """Return control points (K, n) of the straight line to one promising goal, a different one for each number."""
-        goals = self.paths.promising(sampler)
+        """Return control points (K, n) of the straight line to one promising goal, a different one for each number.
+
+        Where none promises a shorter motion, it is to any.
+        """
+        goals = self.paths.promising(sampler) or sampler.configurations
         return self.optimiser.along(np.array([self.problem.start, goals[number % len(goals)]]))
 
     def _with_bump(self, control: Array, rng: np.random.Generator) -> Array:

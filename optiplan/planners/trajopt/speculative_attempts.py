@@ -98,10 +98,14 @@ class SpeculativeAttempts:
         task = self._tasks.pop(control.tobytes(), None)
         if task is None or task.future.cancel():
             return None
-        while not wait([task.future], timeout=_POLL).done:
-            if budget.over:
-                task.end()
-                return None
+        try:
+            while not wait([task.future], timeout=_POLL).done:
+                if budget.over:
+                    task.end()
+                    return None
+        except BaseException:  # somebody interrupts: `close` knows this task no more
+            task.end()
+            raise
         if not task.holds(best, patient):
             return None
         self.used += 1

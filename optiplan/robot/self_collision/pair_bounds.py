@@ -9,8 +9,10 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Flags, Index, distinct
+from optiplan.cache import MostRecent, digest
 from optiplan.geometry.meshes.box_surfaces import box_corners
 from optiplan.robot.batched.kinematics import BatchKinematics
+from optiplan.robot.loaded_robots import once_for_each
 
 
 class LocalBox(NamedTuple):
@@ -242,13 +244,21 @@ class PairBounds:
         Holds at: every configuration with |q_j| <= stroke_j (n,). Along a straight motion by d, the distance of pair p
         changes by at most sum_j moment_arms[p, j] |d_j|.
         """
-        corners = (self.placement @ self._corners)[:, :3].swapaxes(1, 2)
-        bodies = np.zeros((len(corners), len(self.kinematics.revolute)))
-        for joint in distinct(self.joint).tolist():
-            own = self.joint == joint
-            bodies[own] = self.kinematics.moment_arms(joint, corners[own], stroke)
+        moved = np.flatnonzero(self.joint)
+        corners = np.ascontiguousarray((self.placement[moved] @ self._corners[moved])[:, :3].swapaxes(1, 2))
+        key = digest([stroke.tobytes(), self.joint[moved].tobytes(), corners.tobytes()])
+        bodies = np.zeros((len(self.joint), len(self.kinematics.revolute)))
+        bodies[moved] = _kept_arms(self.kinematics).get(key, lambda: self._arms(self.joint[moved], corners, stroke))
         both = bodies[self.pairs] * self.moves  # (P, 2, J)
         return self.kinematics.planned_bound(both.sum(axis=1))
+
+    def _arms(self, joints: Index, corners: Array, stroke: Array) -> Array:
+        """`BatchKinematics.moment_arms` (M, J) of M bodies, their corners (M, 8, 3) fixed to joints (M,)."""
+        found = np.zeros((len(joints), len(self.kinematics.revolute)))
+        for joint in distinct(joints).tolist():
+            own = joints == joint
+            found[own] = self.kinematics.moment_arms(joint, corners[own], stroke)
+        return found
 
     def body_reaches(self) -> Array:
         """Distance, m, of the farthest corner of every body's box from the origin of its joint, (G,)."""
@@ -303,6 +313,12 @@ def ball_to_box(rotation: Array, apart: Array, half: Array, radius: Array) -> Ar
     local = (apart[:, None] @ rotation)[:, 0]
     outside = np.maximum(np.abs(local) - half, 0.0)
     return np.asarray(np.sqrt(np.einsum("ki,ki->k", outside, outside)) - radius)
+
+
+@once_for_each
+def _kept_arms(_kinematics: BatchKinematics) -> MostRecent[Array]:
+    """Moment arms of bodies that joints carry, by their joints, corners and the strokes: those of few robots."""
+    return MostRecent(8)
 
 
 def _placements(bodies: Sequence[pin.GeometryObject]) -> Array:

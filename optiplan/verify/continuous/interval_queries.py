@@ -3,35 +3,57 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.floors import Floors
+from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.verify.continuous.bodies import PlacedBody
 from optiplan.verify.continuous.intervals import Intervals
-from optiplan.verify.continuous.motion_bounds import Boxes, MotionQuery
+from optiplan.verify.continuous.motion_bounds import Boxes, Motion, MotionQuery
 from optiplan.verify.continuous.pair_tree import PairTree
 from optiplan.verify.continuous.separating_planes import Distances
 from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.tolerances import CLEARANCE_ROUNDING
 
 
-class Middles(NamedTuple):
-    """N intervals: times (N,), s, configurations q (N, n) and poses of the joints (N, J + 1, 4, 4) in their middles.
+@dataclass(frozen=True, eq=False)
+class Middles:
+    """N intervals: `times` (N,), s, of their middles, and `boxes`, bounds of the planned joints' motion there.
 
-    Axes of the joints there, `direction` and `point` (N, J, 3), and `joints`, bounds of all joints' motion; `reach`
-    (N, n) that of planned joints.
+    `kinematics` and `motion` are those of the work space. What is made of them is made where it is asked for.
     """
 
     times: Array
-    q: Array
-    reach: Array
-    poses: Array
-    direction: Array
-    point: Array
-    joints: Boxes
+    boxes: Boxes
+    kinematics: BatchKinematics
+    motion: Motion
+
+    @property
+    def q(self) -> Array:
+        """Configurations (N, n) in the middles."""
+        return self.boxes.q
+
+    @property
+    def reach(self) -> Array:
+        """How far planned joints get from there, (N, n)."""
+        return self.boxes.reach
+
+    @cached_property
+    def poses(self) -> Array:
+        """Poses of the joints in the middles, (N, J + 1, 4, 4)."""
+        return self.kinematics.poses(self.q)
+
+    @cached_property
+    def axes(self) -> tuple[Array, Array]:
+        """Directions of the joints' axes there, and points on them, each (N, J, 3)."""
+        return self.kinematics.axes(self.poses)
+
+    @cached_property
+    def joints(self) -> Boxes:
+        """Bounds of all joints' motion."""
+        return self.motion.of_all_joints(self.boxes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +85,7 @@ class DistanceQuery:
 
     def motion_query(self, at: Middles) -> MotionQuery:
         """What bounds of motion are required of."""
-        return MotionQuery(self.rows, self.items.pair, self.placed, at.direction, at.point)
+        return MotionQuery(self.rows, self.items.pair, self.placed, *at.axes)
 
 
 @dataclass(frozen=True, eq=False)

@@ -60,9 +60,8 @@ class SearchState:
 
     def middles(self, intervals: Intervals) -> Middles:
         """Return where the joints are in the middles of these intervals, and bounds of their motion there."""
-        b, kinematics = self.boxes(intervals), self.bodies.kinematics
-        poses, times = kinematics.poses(b.q), middles(self.trajectory, intervals)
-        return Middles(times, b.q, b.reach, poses, *kinematics.axes(poses), self.motion.of_all_joints(b))
+        times = middles(self.trajectory, intervals)
+        return Middles(times, self.boxes(intervals), self.bodies.kinematics, self.motion)
 
     def by_planes(self, intervals: Intervals) -> Intervals | None:
         """Prove in the core what planes can; the items left, None where it takes no part or bodies touch."""

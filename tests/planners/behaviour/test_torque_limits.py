@@ -8,9 +8,10 @@ import pinocchio as pin
 import pytest
 
 from optiplan.planners.base import Budget
-from optiplan.planners.common.gravity import Gravity
+from optiplan.planners.common.gravity import Gravity, greatest_gravity
 from optiplan.planners.registry import make_planner
 from optiplan.problem.problem import JointGoal, derived
+from optiplan.robot.mounting import Mounting
 from tests.planners import cases
 
 SWING = np.linspace(-3.0, 3.0, 61)  # rad, of the shoulder
@@ -41,6 +42,35 @@ def test_an_arm_too_heavy_for_its_motors_is_told(name):
     torque = np.abs(pin.computeGeneralizedGravity(robot.model, robot.model.createData(), q))
     assert torque.max() == pytest.approx(failure.witness["torque"])
     assert failure.witness["torque"] > 0.1 * limit
+
+
+TILTED = pin.SE3(pin.rpy.rpyToMatrix(0.6, 0.4, 0.0), np.array([0.0, 0.0, 1.0]))
+LOADED = (("panda_hand", pin.Inertia(2.0, np.array([0.1, 0.0, 0.2]), np.zeros((3, 3)))),)
+
+
+@pytest.mark.parametrize(
+    ("name", "mounting"),
+    [
+        ("panda", Mounting()),
+        ("panda", Mounting(TILTED, payload=LOADED)),
+        ("delbot", Mounting()),
+        ("delbot", Mounting(TILTED)),
+        ("baxter", Mounting()),
+        ("planar2r", Mounting(TILTED)),
+    ],
+)
+def test_gravity_is_nowhere_more_than_its_bound(name, mounting):
+    robot = cases.robot(name).mounted(mounting)
+    most = greatest_gravity(robot)
+    low, high = (
+        np.where(np.isfinite(end), end, side) for end, side in ((robot.limits.lower, -3.2), (robot.limits.upper, 3.2))
+    )
+    heavy = Gravity(robot, 0.5 * robot.limits.torque)
+    found = np.max([heavy.torque(q) for q in np.random.default_rng(0).uniform(low, high, (3000, len(low)))], axis=0)
+    assert (found <= most).all()
+    assert most.max() < 1.5 * found.max()
+    assert Gravity(robot, 1.01 * most / (1.0 - 1e-3) + 1e-3).allowed is None
+    assert Gravity(robot, 0.9 * found).allowed is not None
 
 
 @pytest.mark.parametrize("name", ["rrtconnect", "trajopt"])

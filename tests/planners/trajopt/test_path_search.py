@@ -65,6 +65,17 @@ def test_a_brief_search_aims_at_the_ends_that_may_be_reached_soonest(monkeypatch
     assert 0 < len(aims) == (bounds <= 1.05 * bounds[0]).sum() < len(bounds)
 
 
+def test_where_no_end_can_be_reached_sooner_nothing_is_searched(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An end between those that are known may have a lower bound than all of them."""
+    run = _run(cases.any_of())
+    sampler = _sampler(run)
+    monkeypatch.setattr(run.paths, "promising", lambda sampler: [])
+    assert isinstance(run.paths._briefly(sampler, run.paths._check(), 0.01), Failure)
+    assert isinstance(run.paths.next(sampler, lambda path: None), Failure)
+    assert run._line(sampler, 7).shape == (run.optimiser.basis.size, run.problem.robot.n)
+    assert not run.paths.searches or not run.incumbent.candidates
+
+
 def test_where_no_path_is_seen_one_between_thinner_obstacles_may_lead_to_a_curve(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -52,25 +52,24 @@ double Margins::at(double u, int pair) const {
     return std::min(middle, KEPT * ((1.0 - u) * start[pair] + u * end[pair]));
 }
 
-NearRows near_rows(const World &world, const Margins &margins, const Vec &u, const Vec &Q, double cutoff) {
-    const std::size_t n = static_cast<std::size_t>(world.tree().planned);
-    std::vector<Contact> found;
-    Placement at = world.placement();
-    std::vector<Pose> joints;  // at all samples, one after another
-    Trail trail = world.trail();
+NearRows NearPairs::of(const Vec &u, const Vec &Q) {
+    const std::size_t n = static_cast<std::size_t>(world_.tree().planned);
+    at_ = fresh_;
+    trail_.forget();
+    found_.clear(), joints_.clear();
     for (std::size_t i = 0; i < u.size(); ++i) {
-        world.place_outside(Q.data() + i * n, at);
-        world.near(at, static_cast<int>(i), cutoff, found, trail, {WINDOW, GAP});
-        joints.insert(joints.end(), at.joints.begin(), at.joints.end());
+        world_.place_outside(Q.data() + i * n, at_);
+        world_.near(at_, static_cast<int>(i), cutoff_, found_, trail_, {WINDOW, GAP});
+        joints_.insert(joints_.end(), at_.joints.begin(), at_.joints.end());
     }
-    push_one_way(found);
+    push_one_way(found_);
     NearRows rows;
-    rows.gradient.resize(found.size() * n);
-    for (std::size_t k = 0; k < found.size(); ++k) {
-        const Contact &contact = found[k];
+    rows.gradient.resize(found_.size() * n);
+    for (std::size_t k = 0; k < found_.size(); ++k) {
+        const Contact &contact = found_[k];
         rows.sample.push_back(contact.row);
-        rows.value.push_back(contact.witness.distance - margins.at(u[contact.row], contact.pair));
-        world.gradient(joints.data() + contact.row * at.joints.size(), contact, rows.gradient.data() + k * n);
+        rows.value.push_back(contact.witness.distance - margins_.at(u[contact.row], contact.pair));
+        world_.gradient(joints_.data() + contact.row * at_.joints.size(), contact, rows.gradient.data() + k * n);
     }
     return rows;
 }

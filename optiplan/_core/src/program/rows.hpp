@@ -29,10 +29,27 @@ struct NearRows {
 // At u (N,), Q (N, n).
 using NearBodies = std::function<NearRows(const Vec &u, const Vec &Q)>;
 
-// Pairs nearer than `cutoff`, of a cluster's only the nearest ones to each body; those that penetrate at consecutive
-// samples get the mean of their normals, for in deep penetration the nearest way out changes sides, and pushing a curve
-// both ways at once leaves it in place.
-NearRows near_rows(const World &world, const Margins &margins, const Vec &u, const Vec &Q, double cutoff);
+// The rows of pairs nearer than `cutoff`, m, of a cluster's only the nearest ones to each body; those that penetrate at
+// consecutive samples get the mean of their normals, for in deep penetration the nearest way out changes sides, and
+// pushing a curve both ways at once leaves it in place. Memory is kept from call to call, answers are not. Not for two
+// threads at once.
+class NearPairs {
+  public:
+    NearPairs(const World &world, Margins margins, double cutoff)
+        : world_(world), margins_(std::move(margins)), cutoff_(cutoff), fresh_(world.placement()), at_(fresh_),
+          trail_(world.trail()) {}
+
+    NearRows of(const Vec &u, const Vec &Q);
+
+  private:
+    const World &world_;
+    Margins margins_;
+    double cutoff_;
+    Placement fresh_, at_;
+    Trail trail_;
+    std::vector<Contact> found_;
+    std::vector<Pose> joints_;  // at all samples, one after another
+};
 
 // Where a torque is above its limit, or was when a step was refused: (samples, limited joints).
 using Mask = std::vector<char>;

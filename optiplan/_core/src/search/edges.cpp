@@ -5,6 +5,8 @@
 
 namespace optiplan {
 
+static constexpr double MOST_HEAVY = 1e5;  // checks of gravity; a motion that takes more counts as too heavy
+
 EdgeChecker::EdgeChecker(const World &world, std::vector<double> arms, std::vector<double> torque, EdgeRules rules)
     : world_(world), arms_(arms.size()), torque_(std::move(torque)), rules_(rules), at_(world.placement()),
       trail_(world.trail()) {
@@ -38,7 +40,9 @@ bool EdgeChecker::heavy_along(const double *a, const double *d) {
     if (torque_.empty()) return false;
     double farthest = 0.0;
     for (int j = 0; j < joints(); ++j) farthest = std::max(farthest, std::fabs(d[j]));
-    const int parts = std::max(1, static_cast<int>(std::ceil(farthest / rules_.heavy_step)));
+    const double wanted = std::ceil(farthest / rules_.heavy_step);
+    if (!(wanted <= MOST_HEAVY)) return true;
+    const int parts = std::max(1, static_cast<int>(wanted));
     for (int k = 1; k < parts; ++k) {
         const double share = static_cast<double>(k) / parts;
         for (int j = 0; j < joints(); ++j) q_[j] = a[j] + d[j] * share;
@@ -60,7 +64,7 @@ bool EdgeChecker::apart_here_and_there(const double *a, const double *d) {
     double way = 0.0;
     for (int j = 0; j < n; ++j) way += most_[j] * std::fabs(d[j]);
     const double wanted = std::ceil(way / (LANES * rules_.spacing));
-    if (wanted * LANES > rules_.most) return false;
+    if (!(wanted * LANES <= rules_.most)) return false;
     const int fours = std::max(1, static_cast<int>(wanted));
     for (int k = fours; k > 0; --k) {
         for (int lane = 0; lane < LANES; ++lane)
@@ -130,7 +134,7 @@ bool EdgeChecker::apart(const double *a, const double *d) {
     const double farthest = measure_travel(d);
     if (farthest == 0.0) return true;
     const double wanted = std::ceil(0.5 * farthest / rules_.first);
-    if (wanted > rules_.most) return false;
+    if (!(wanted <= rules_.most)) return false;
     const int count = std::max(1, static_cast<int>(wanted));
     std::vector<int> pairs, left;  // to be proved, of the parts one after another
     std::vector<char> known(together_.size());

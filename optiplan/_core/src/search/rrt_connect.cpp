@@ -10,6 +10,7 @@ namespace optiplan {
 static constexpr int TURN = 8;  // iterations of which one takes the trees in turn, whatever their sizes
 static constexpr double DOUBLED = 2500.0;  // iterations in which the duration of motions doubles
 static constexpr int ANYWHERE = 3;  // iterations of which one draws from the whole box: if no short motion passes
+static constexpr int MOST_STATES = 5'000'000;  // of both trees, some 80 bytes each
 static constexpr int DRAWS = 64;  // of one iteration: where the set is much smaller than its box, the last is taken
 
 RrtConnect::RrtConnect(EdgeChecker &check, SearchSpace space, const double *start, const std::vector<double> &goals,
@@ -108,17 +109,22 @@ bool RrtConnect::grow(int iterations, double seconds) {
     using Clock = std::chrono::steady_clock;
     const auto end = Clock::now() + std::chrono::duration<double>(seconds);
     const int m = static_cast<int>(target_.size());
-    for (int k = 0; k < iterations && !met() && Clock::now() < end; ++k) {
-        const int tree = next_tree(), other = 1 - tree;
-        draw();
-        if (extend(tree, trees_[tree].nearest(target_.data())) == Step::blocked) continue;
-        const int grown = last_;
-        for (int j = 0; j < m; ++j) target_[j] = trees_[tree].at(grown)[j];
+    for (int k = 0; k < iterations && !met() && !full() && Clock::now() < end; ++k) {
+        if (connecting_ < 0) {
+            const int tree = next_tree();
+            draw();
+            if (extend(tree, trees_[tree].nearest(target_.data())) == Step::blocked) continue;
+            connecting_ = tree, grown_ = last_;
+            for (int j = 0; j < m; ++j) target_[j] = trees_[tree].at(grown_)[j];
+            last_ = trees_[1 - tree].nearest(target_.data());
+        }
+        const int tree = connecting_, other = 1 - tree;
         Step step;
-        last_ = trees_[other].nearest(target_.data());
         do step = extend(other, last_);
-        while (step == Step::advanced);
-        if (step == Step::reached) met_[tree] = grown, met_[other] = last_;
+        while (step == Step::advanced && !full() && Clock::now() < end);
+        if (step == Step::advanced) break;
+        connecting_ = -1;
+        if (step == Step::reached) met_[tree] = grown_, met_[other] = last_;
     }
     return met();
 }
@@ -130,6 +136,8 @@ void RrtConnect::append(std::vector<double> &out, int tree, int node) const {
     for (std::size_t k = 0; k < x.size(); ++k) x[k] = trees_[tree].at(node)[k];
     lift(x.data(), out.data() + begin);
 }
+
+bool RrtConnect::full() const { return size(0) + size(1) >= MOST_STATES; }
 
 std::vector<double> RrtConnect::path() const {
     std::vector<int> first;

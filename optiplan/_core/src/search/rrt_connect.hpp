@@ -33,8 +33,10 @@ class RrtConnect {
     // nothing but the time at which it goes on.
     bool grow(int iterations, double seconds);
 
-    int iterations() const { return iterations_; }
+    // One that was cut does not count before it ends.
+    int iterations() const { return iterations_ - (connecting_ >= 0); }
     bool met() const { return met_[0] >= 0; }
+    bool full() const;  // of states: growing on would take too much memory
 
     // Configurations (k, n) from the start to a goal.
     std::vector<double> path() const;
@@ -65,6 +67,7 @@ class RrtConnect {
     std::vector<SearchTree> trees_;
     std::vector<double> target_, low_, high_, x_, from_, to_;
     int goals_, last_ = -1, iterations_ = 0;
+    int connecting_ = -1, grown_ = -1;  // the tree whose new node the other one grows towards; -1: none
     int met_[2] = {-1, -1};
 };
 

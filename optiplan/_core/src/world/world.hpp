@@ -90,6 +90,12 @@ struct Trail {
     std::vector<std::pair<double, int>> asked;  // lower bound and pair, of those of a group that are asked
 
     Trail(std::size_t pairs, std::size_t groups) : pairs(pairs), groups(groups) {}
+
+    void forget() {
+        std::fill(pairs.begin(), pairs.end(), Features{});
+        std::fill(groups.begin(), groups.end(), Features{});
+        asked.clear();
+    }
 };
 
 // From the nearest point of a box about the origin, with these half edges, to p.
