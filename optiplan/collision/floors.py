@@ -182,8 +182,10 @@ def with_built(safety: Safety | None, robot: Robot) -> Safety | None:
     """
     if safety is None or not any((safety.own, *(pair.at_least for pair in safety.pairs))):
         return safety
-    stated = repr((safety.own, safety.pairs))
-    built = _known_built(robot).get(stated, lambda: _kept_built(safety, with_asked_checked(safety, robot)))
+    known, stated = _known_built(robot), repr((safety.own, safety.pairs))
+    built = known.find(stated)
+    if built is None:  # other threads do not wait: it takes seconds
+        built = known.keep(stated, _kept_built(safety, with_asked_checked(safety, robot)))
     return replace(safety, built=built)
 
 

@@ -138,7 +138,7 @@ std::unique_ptr<Sqp> among_bodies(std::shared_ptr<const Spline> spline, const Wo
     const auto &[middle, start, end] = margins;
     expect(start.size() == world.pairs().size() && end.size() == start.size(), "margins of all pairs");
     expect(torque.size() == spline->joints && world.tree().planned == static_cast<int>(spline->joints), "n joints");
-    const auto pairs = std::make_shared<NearPairs>(world, Margins{middle, to_vector(start), to_vector(end)}, cutoff);
+    const auto pairs = std::make_shared<RowSearch>(world, Margins{middle, to_vector(start), to_vector(end)}, cutoff);
     NearBodies near = [pairs](const Vec &u, const Vec &Q) { return pairs->of(u, Q); };
     return std::make_unique<Sqp>(spline, std::move(near), TorqueRows(world.tree(), to_vector(torque)),
                                  make_settings(settings));

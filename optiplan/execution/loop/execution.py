@@ -178,7 +178,7 @@ class Execution:
             poses = dict(poses) if isinstance(poses, Mapping) else poses
             velocities = deepcopy(velocities)
         given, update = self._clock.now(), partial(self._executor.update_scene, poses, velocities, spread)
-        self._command(lambda: update(age + self._loop.waited(given) if is_finite(age) else age))
+        self._command(lambda: update(age + self._loop.waited(given) if is_finite(age) and age >= 0.0 else age))
 
     def state_in(self, latency: float) -> State:
         """Return the state `latency` s from now, where another motion can begin; see `Executor.state_in`.
@@ -321,11 +321,12 @@ class Execution:
         endless, turn = self._executor.run.problem.robot.endless, 2.0 * np.pi
         turns = np.where(endless, turn * np.round(np.nan_to_num((q - start) / turn, posinf=0.0, neginf=0.0)), 0.0)
         off = np.nan_to_num(np.abs(q - turns - start), nan=np.inf)
-        worst, fastest = int(off.argmax()), int(np.abs(begins.v).argmax())
+        over = np.abs(begins.v) / rest_rates(self._executor.run)[0]
+        worst, fastest = int(off.argmax()), int(over.argmax())
         if off[worst] > AT_START:
             where = f"{names[worst]} is at {q[worst] - turns[worst]:.4f}, where {start[worst]:.4f} is expected"
             raise DriverError(f"the robot does not stand where the motion begins: {where}; move it there first")
-        if (np.abs(begins.v) > rest_rates(self._executor.run)[0]).any():
+        if over[fastest] > 1.0:
             speed = f"{names[fastest]} at {begins.v[fastest]:.4g} rad/s or m/s"
             raise DriverError(f"the motion begins with {speed}, and the robot stands; expected one from rest")
         self._loop.turns = turns if turns.any() else None

@@ -43,7 +43,7 @@ class Gravity:
 
 @once_for_each
 def greatest_gravity(robot: Robot) -> Array:
-    """Bounds (n,) on |g(q)|, N·m (sliding joints: N); infinite where a sliding joint without limits moves masses away.
+    """Bounds (n,) on |g(q)|, N·m (sliding joints: N); huge where a sliding joint without limits moves masses away.
 
     Holds at: every configuration within the position limits. A joint with the direction a has at most f_j sum_k m_k
     l_kj: l_kj is the greatest distance of the centre of mass k from its axis (1 of a joint that slides). f_j is
@@ -60,11 +60,9 @@ def greatest_gravity(robot: Robot) -> Array:
             across = float(np.linalg.norm(np.cross(direction, pull)))
             upright[j] = across <= _UPRIGHT * strongest
             share[j] = across + _UPRIGHT * strongest if turns else abs(float(direction @ pull))
-    stroke = np.maximum(np.abs(robot.limits.lower), np.abs(robot.limits.upper))
     levers = [
-        inertia.mass * kinematics.moment_arms(joint, np.array(inertia.lever)[None], stroke)
+        inertia.mass * kinematics.moment_arms(joint, np.array(inertia.lever)[None], robot.limits.stroke)
         for joint, inertia in enumerate(model.inertias)
     ]
-    with np.errstate(invalid="ignore"):
-        torque = kinematics.planned_bound(share * np.sum(levers, axis=0)) * (1.0 + _ROUNDING) + _ROUNDING
-    return np.nan_to_num(torque, nan=np.inf, posinf=np.inf)
+    torque: Array = kinematics.planned_bound(share * np.sum(levers, axis=0)) * (1.0 + _ROUNDING) + _ROUNDING
+    return torque

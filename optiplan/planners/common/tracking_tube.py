@@ -20,8 +20,6 @@ _LEFT = 0.2
 _SPARE = 1e-6
 """rad or m, on top of the error: what the verifier lets position limits be passed by is left to it."""
 
-_UNBOUNDED = 1e6  # m, the stroke of a prismatic joint without bounds
-
 
 def planned_in_tube(problem: Problem) -> Problem:
     """Return the problem that a planner is given: its motions keep the limits and constraints of `problem` in the tube.
@@ -72,7 +70,7 @@ def _narrowed(problem: Problem, one: "PathConstraint") -> "PathConstraint":
             off = sum(abs(c) * error[robot.joint_names.index(name)] for name, c in one.joints.items())
             changed = {"within": _less(one.within, float(off))}
         case PairClearance():
-            arms = NamedPairs(robot, problem.scene, one.pairs).bounds.moment_arms(_stroke(robot))
+            arms = NamedPairs(robot, problem.scene, one.pairs).bounds.moment_arms(robot.limits.stroke)
             changed = {"at_least": one.at_least + float((arms[:, : robot.n] @ error).max(initial=0.0))}
     return replace(one, **changed) if changed else one  # type: ignore[type-var]  # dataclasses
 
@@ -85,10 +83,6 @@ def _of_frame(robot: Robot, frame: str, error: Array) -> tuple[float, float]:
     """Bound how far a frame moves, m, and how far it turns, rad, with joints off by up to `error` (n,)."""
     placed = robot.model.frames[robot.frame_id(frame)]
     kinematics, joint = robot.kinematics, int(placed.parentJoint)
-    arms = kinematics.moment_arms(joint, np.array(placed.placement.translation)[None], _stroke(robot))
+    arms = kinematics.moment_arms(joint, np.array(placed.placement.translation)[None], robot.limits.stroke)
     turns = kinematics.carries[joint] * kinematics.revolute
     return float(kinematics.planned_bound(arms) @ error), float(kinematics.planned_bound(turns) @ error)
-
-
-def _stroke(robot: Robot) -> Array:
-    return np.minimum(np.maximum(np.abs(robot.limits.lower), np.abs(robot.limits.upper)), _UNBOUNDED)

@@ -28,7 +28,6 @@ _MOST = 1000  # queries, some 20 ms; a motion that takes more slides along an ob
 _HEAVY_STEP = 0.05  # rad or m, largest joint, between gravity checks, whose reserve covers the rest
 _SPACING = 0.05  # m; travel of bodies between two configurations of a segment that is not proved, at most
 _UNIT, _SHORT_LEVER = 1.5, 0.1  # m; unit of `by_moment_arms`, and least moment arm assumed there
-_UNBOUNDED = 1e6  # m, the stroke of a prismatic joint without bounds
 
 
 class MotionCheck:
@@ -59,8 +58,7 @@ class MotionCheck:
         n = len(self.units)
         self.searched: tuple[Array, Flags] = np.zeros(n), np.ones(n, dtype=bool)
         self.least = inf
-        stroke = np.minimum(np.maximum(np.abs(limits.lower), np.abs(limits.upper)), _UNBOUNDED)
-        self._moment_arms = model.bounds.moment_arms(stroke)
+        self._moment_arms = model.bounds.moment_arms(limits.stroke)
         self.native = _native(model, self._moment_arms, gravity)
 
     @cached_property

@@ -56,7 +56,7 @@ class Sclerp(Planner[SclerpOptions]):
                 failures.append(path)
                 continue
             with watch.stage("timing"):
-                tool = tool_limits(problem, task.tool.frame)
+                tool = tool_limits(problem, task.tool.frame, parts=False)
                 options = TimingOptions(tool=tool, stop=lambda: budget.over)
                 trajectory = time_path(path, problem.robot, problem.limits, options)
             if trajectory is None:

@@ -59,7 +59,9 @@ _ONE = 0.3
 _SEARCH, _FIRST_SEARCH = 0.5, 0.8
 """Shares of the remaining budget for one path search: once there is a motion, and before."""
 
-_NO_GOAL = Failure("no-path", "no motion to an end of the goal can be shorter than the best one")
+_NO_GOAL = Failure(
+    "no-path", "no end of the goal keeps the path constraints and can be reached sooner than by the best motion"
+)
 
 
 @dataclass(eq=False)

@@ -235,7 +235,7 @@ class _MeshFinder:
         package, inside = _in_package(name)
         found, guess = (next(filter(is_file, paths), None) for paths in (self._stated(name), self._guesses(name)))
         if found is not None and inside:
-            self._note_copies(package, Path(str(found).removesuffix(inside)))
+            self._note_copies(package, inside, found)
         if guess is None or (found is None and self._packages.find(package) is not None):
             return found
         folder, near = (Path(str(path).removesuffix(inside)) for path in (found or guess, guess))
@@ -247,9 +247,11 @@ class _MeshFinder:
         self._note(note)
         return found or guess
 
-    def _note_copies(self, package: str, taken: Path) -> None:
-        if others := [str(folder) for folder in self._packages.copies(package) if folder != taken]:
-            self._note(f"meshes of package {package} are read from {taken}, not from {some(others)}")
+    def _note_copies(self, package: str, inside: str, found: Path) -> None:
+        copies = self._packages.copies(package, inside)
+        if others := [str(folder) for folder in copies if folder / inside != found]:
+            taken = str(found).removesuffix(inside)
+            self._note(f"meshes of package {package} are read from {Path(taken)}, not from {some(others)}")
 
     def _note(self, note: str) -> None:
         self.notes += [note] if note not in self.notes else []

@@ -47,9 +47,10 @@ class RosPackages:
         for folders in self._searched():
             yield from (folder for folder in folders if folder.name == name and self.name_of(folder) not in ("", name))
 
-    def copies(self, name: str) -> list[Path]:
-        """Return the folders near that are called like a package and are it."""
-        return [folder for folder in self._near if folder.name == name and self.name_of(folder) in ("", name)]
+    def copies(self, name: str, inside: str) -> list[Path]:
+        """Return the folders near that are called like a package, are it, and have this file."""
+        called = (folder for folder in self._near if folder.name == name and self.name_of(folder) in ("", name))
+        return [folder for folder in called if is_file(folder / inside)]
 
     def name_of(self, folder: Path) -> str:
         """Return the name in the package.xml of a folder; empty where it has none."""

@@ -74,14 +74,10 @@ def test_without_limits_of_joints_a_way_out_is_finite(panda):
     outcome = StepOutcome(state, 0.002)
     for bad in (np.nan, np.inf):
         assert controller._if_clear(np.full(7, bad), outcome) is None
-        view = controller._guard._views[0]
-        lost = DistanceView(
-            view.q, np.full(len(view.bound), np.nan), view.near[:0], view.distance[:0], view.gradient[:0]
-        )
-        path = BrakingPath(panda)
-        path.start(np.full(7, np.nan), np.zeros(7), np.zeros(7), controller._box, 0.002)
-        limit = controller.limits[0]
-        assert not StopLimit.stop_is_clear(limit, path, lost, np.full(len(view.bound), -1.0), 0.0)
+    view, limit, path = controller._guard._views[0], controller.limits[0], BrakingPath(panda)
+    lost = DistanceView(view.q, np.full(len(view.bound), np.nan), view.near[:0], view.distance[:0], view.gradient[:0])
+    path.start(np.full(7, np.nan), np.zeros(7), np.zeros(7), controller._box, 0.002)
+    assert not StopLimit.stop_is_clear(limit, path, lost, np.full(len(view.bound), -1.0), 0.0)
 
 
 def test_an_update_of_nothing_makes_nothing_anew(panda, monkeypatch):

@@ -12,7 +12,7 @@ TEST(rows_of_clearance_are_distances_beyond_the_margin) {
     NEAR(margins.at(0.5, 0), 0.02, 0.0);
     CHECK(margins.at(0.5, 1) < 0.01);
     const Vec u{0.2, 0.5, 0.8}, Q{0.05, 0.1, 0.3, 0.2, 0.2, -0.4};
-    const NearRows rows = NearPairs(world, margins, 5.0).of(u, Q);
+    const NearRows rows = RowSearch(world, margins, 5.0).of(u, Q);
     CHECK(rows.sample.size() == 6 && rows.value.size() == 6 && rows.gradient.size() == 12);
     const double h = 1e-6;
     for (std::size_t k = 0; k < rows.sample.size(); ++k) {
@@ -29,7 +29,7 @@ TEST(rows_of_clearance_are_distances_beyond_the_margin) {
         }
         CHECK(known);
     }
-    CHECK(NearPairs(world, margins, 0.0).of(u, Q).sample.empty());
+    CHECK(RowSearch(world, margins, 0.0).of(u, Q).sample.empty());
 }
 
 TEST(rows_of_torque_are_what_is_left_of_the_limit) {

@@ -52,7 +52,7 @@ double Margins::at(double u, int pair) const {
     return std::min(middle, KEPT * ((1.0 - u) * start[pair] + u * end[pair]));
 }
 
-NearRows NearPairs::of(const Vec &u, const Vec &Q) {
+NearRows RowSearch::of(const Vec &u, const Vec &Q) {
     const std::size_t n = static_cast<std::size_t>(world_.tree().planned);
     at_ = fresh_;
     trail_.forget();

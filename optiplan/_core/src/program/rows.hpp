@@ -33,9 +33,9 @@ using NearBodies = std::function<NearRows(const Vec &u, const Vec &Q)>;
 // consecutive samples get the mean of their normals, for in deep penetration the nearest way out changes sides, and
 // pushing a curve both ways at once leaves it in place. Memory is kept from call to call, answers are not. Not for two
 // threads at once.
-class NearPairs {
+class RowSearch {
   public:
-    NearPairs(const World &world, Margins margins, double cutoff)
+    RowSearch(const World &world, Margins margins, double cutoff)
         : world_(world), margins_(std::move(margins)), cutoff_(cutoff), fresh_(world.placement()), at_(fresh_),
           trail_(world.trail()) {}
 

@@ -26,14 +26,16 @@ def excluded_pairs(model: Any, links: Sequence[str]) -> set[LinkPair]:
 def overlapping_pairs(mujoco: Any, model: Any, links: Sequence[str]) -> set[LinkPair]:
     """Pairs of links that overlap as they are drawn, and between which MuJoCo makes no contact at all.
 
-    One pair of geoms that may touch keeps the two links checked: `world` holds pedestal, table and walls alike.
+    One pair of geoms that may touch keeps the two links checked: `world` holds pedestal, table and walls alike. Where
+    the file lets none of the moving geoms touch, it tells nothing of the pairs with `world`: they stay checked.
     """
-    solid = [geom for geom in sorted(solid_geoms(mujoco, model)[0]) if _is_body(mujoco, model, geom)]
+    geoms, remark = solid_geoms(mujoco, model)
+    solid = [geom for geom in sorted(geoms) if _is_body(mujoco, model, geom)]
     apart: dict[LinkPair, list[tuple[int, int]]] = {}
     touching: set[LinkPair] = set()
     for a, b in combinations(solid, 2):
         pair = link_pair(links[int(model.geom_bodyid[a])], links[int(model.geom_bodyid[b])])
-        if _may_touch(model, a, b):
+        if _may_touch(model, a, b) or (remark and links[0] in pair):
             touching.add(pair)
         else:
             apart.setdefault(pair, []).append((a, b))
