@@ -26,8 +26,7 @@ class Search:
 
     Attributes:
         path: (k, n) waypoints from the start to one of the goals, rad or m; None when none was found.
-        start_tree: (s, n) states reached from the start, at most some hundreds of them; of the native core's trees
-            that met, only one.
+        start_tree: (s, n) states reached from the start, at most some hundreds of them.
         goal_tree: (g, n) states from which a goal is reached, likewise; the goals alone where one tree is grown. BIT*
             does not show its tree.
         sizes: number of states of the two trees.
@@ -85,7 +84,6 @@ def native_rrt_connect(
     if trees.met:
         path = trees.path(n)[:, places]
         path[0], path[-1] = start, goals[np.argmin(np.abs(goals - path[-1]).max(axis=1))]
-    most = TREE_SAMPLE if path is None else 1  # trees are shown where they do not meet
-    samples = [trees.sample(tree, most, n)[:, places] for tree in (0, 1)]
+    samples = [trees.sample(tree, TREE_SAMPLE, n)[:, places] for tree in (0, 1)]
     impatient = path is None and not budget.over
     return Search(path, samples[0], samples[1], (trees.size(0), trees.size(1)), impatient=impatient)
