@@ -11,7 +11,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.errors import InputError
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
-from optiplan.planners.cartesian.diagnosis import farthest_failure
+from optiplan.planners.cartesian.diagnosis import SINGULAR, farthest_failure, smallest_singular_value
 from optiplan.planners.cartesian.differential_ik import LIMIT_AVOIDANCES, Aim, Tracker, coupled_frames
 from optiplan.planners.cartesian.path_following import follow
 from optiplan.planners.cartesian.tool_path import ToolPath, line
@@ -216,9 +216,8 @@ class ToolMotion(Planner[Options]):
 
     def _timed(self, work: PlanContext, followed: Trajectory, frame: str) -> Trajectory | Failure:
         o = self.options
-        given = {"linear": o.speed, "angular": o.angular_speed, "linear_acceleration": o.acceleration}
-        limits = {name: value for name, value in given.items() if value is not None}
-        tool = tool_limits(work.problem, frame, **limits)
+        asked = (np.inf if rate is None else rate for rate in (o.speed, o.angular_speed, o.acceleration))
+        tool = tool_limits(work.problem, frame, *asked)
         method = None if o.profile is None else _METHODS[o.profile]
         robot, joint_limits = work.problem.robot, work.problem.limits
         timed = time_path(followed, robot, joint_limits, TimingOptions(method, tool, stop=lambda: work.budget.over))
@@ -235,14 +234,17 @@ class ToolMotion(Planner[Options]):
 
 
 def _other_branches(work: PlanContext, task: _Task, count: int) -> list[_Branch]:
-    """Return other free configurations with the frame at its start pose, the soonest reached first.
+    """Return `count` other free configurations with the frame at its start pose, the soonest reached first.
 
-    With a prescribed end, the nearest to it come first: they are on its branch.
+    With a prescribed end, the nearest to it come first: they are on its branch. Singular ones come last: at a singular
+    pose there are any number of them, and no path may leave them.
     """
     problem, X = work.problem, frame_pose(work.problem.robot, work.problem.start, task.frame)
     near = problem.start if task.goal is None else task.goal
     there = derived(problem, start=near, goal=(PoseGoal(task.frame, X),), vias=())
-    goals = ranked_goals(there, work.model, work.budget, count + 1, nearer=False)
+    goals = ranked_goals(there, work.model, work.budget, 4 * (count + 1), nearer=False)
     here = Tracker(problem.robot, task.frame, line(X, X), Aim())
     exact = [here.correct(0.0, q) for q in ([] if isinstance(goals, Failure) else goals)]
-    return [_Branch(q, changed=True) for q in exact if q is not None and np.abs(q - problem.start).max() > _OTHER]
+    others = [q for q in exact if q is not None and np.abs(q - problem.start).max() > _OTHER]
+    others.sort(key=lambda q: smallest_singular_value(here, q) <= SINGULAR)
+    return [_Branch(q, changed=True) for q in others[:count]]

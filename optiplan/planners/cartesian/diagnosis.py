@@ -26,7 +26,7 @@ from optiplan.trajectory.trajectory import Trajectory
 
 _NEAR = 0.05  # as a sine: a nearer singularity may end a path
 _BEYOND = 1e-3  # of s: distance beyond the end at which the reach is checked
-_SINGULAR = 1e-3  # smallest singular value, 1 or m, above which a path does not end
+SINGULAR = 1e-3  # smallest singular value, 1 or m, above which a path does not end
 _SEEDS = 60  # of the inverse kinematics, for the reach
 _GOAL_TOLERANCE = 1e-6  # rad or m
 _OUT_OF_RANGE = 1e-6  # share of the twist: a larger part outside the joints' range is no rounding
@@ -137,12 +137,11 @@ def _obstacle(model: CollisionModel, path: Trajectory, budget: Budget) -> Ending
 def _stuck(tracker: Tracker, s: float, q: Array) -> Ending:
     """Return why the path ends: a singularity, the reach, or too few joints."""
     J = tracker.jacobian(q) / tracker.scale
-    twist = tracker.twist(s)
-    smallest = float(manipulability_measures(J[None]).smallest[0])
+    twist, smallest = tracker.twist(s), smallest_singular_value(tracker, q)
     missing = twist - J @ (np.linalg.pinv(J, rcond=_NEAR) @ twist)
     more: dict[str, Any] = {"measure": smallest}
     branch = _other_branch(tracker, q)
-    if branch is not None and tracker.redundant and 1.0 - s < _BEYOND and smallest > _SINGULAR:
+    if branch is not None and tracker.redundant and 1.0 - s < _BEYOND and smallest > SINGULAR:
         return branch
     if len(q) < len(J) and smallest > _NEAR and np.linalg.norm(missing) > _OUT_OF_RANGE * np.linalg.norm(twist):
         words = f"{len(q)} joints cannot move the tool in the way that the path asks for"
@@ -154,6 +153,11 @@ def _stuck(tracker: Tracker, s: float, q: Array) -> Ending:
         return Ending(s, q, "reach", "reach", f"the poses beyond are out of reach{near}", more)
     words = f"joint rates grow without bound{near}; the smallest singular value of the Jacobian is {smallest:.2g}"
     return Ending(s, q, "singularity", "singularity", words, more)
+
+
+def smallest_singular_value(tracker: Tracker, q: Array) -> float:
+    """Return that of the scaled Jacobian at q (n,), 1 or m."""
+    return float(manipulability_measures((tracker.jacobian(q) / tracker.scale)[None]).smallest[0])
 
 
 def _other_branch(tracker: Tracker, end: Array) -> Ending | None:
