@@ -60,6 +60,9 @@ from optiplan.robot.robot import Robot
 
 Located = LocatedValue[TaskStepSpec]
 
+_BESIDE_LINES = ("gripper", "dwell")
+"""Steps that lead no tool: constraints in them are about that of their arm."""
+
 
 class TaskReader:
     """Turns the steps of a file into statements; errors go to the compiler's issues."""
@@ -88,7 +91,7 @@ class TaskReader:
                 LocatedValue((*part.place, "path_constraints", i), one) for i, one in enumerate(spec.path_constraints)
             ]
             group = getattr(getattr(spec, spec.kind), "group", None)
-            robot = self._with_tool_of(group)
+            robot = self._with_tool_of((spec.arm if spec.kind in _BESIDE_LINES else None) or group)
             located = self.compiler.constraints(robot, self.scene, kept)
             constraints = tuple(one.value for one in located)
             allowed = self._allowed(part)
