@@ -19,7 +19,7 @@ from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
 from optiplan.problem.grasps.places import places
 from optiplan.problem.grasps.reading import ending_region, grasp_ends
 from optiplan.problem.partial import LocatedValue
-from optiplan.problem.schema.ends import ENDS, AlternativeSpec, ViaSpec
+from optiplan.problem.schema.ends import ENDS, RATES, AlternativeSpec, ViaSpec
 from optiplan.problem.schema.seam import SeamSpec
 from optiplan.problem.schema.task import (
     ApproachSpec,
@@ -249,8 +249,8 @@ class TaskReader:
         if spec.any_of is not None:
             parts = [LocatedValue((*place, "any_of", i), one) for i, one in enumerate(spec.any_of)]
             for part in parts:
-                for rate in ("velocity", "acceleration"):
-                    if getattr(part.value, rate) is not None:
+                for rate in RATES:
+                    if part.value.rates(rate) is not None:
                         self.compiler.report((*part.place, rate), f"{rate} at the end of a step", "an end at rest")
         else:
             kind = next(kind for kind in ENDS if getattr(spec, kind) is not None)
