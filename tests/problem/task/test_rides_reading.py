@@ -100,6 +100,9 @@ def test_an_arm_takes_objects_with_its_own_hand(of):
     assert {kind for kind, _ in limits} == {"approach", "gripper", "retreat"}
     assert {one.frame for one in (*lines, *(one for _, one in limits))} == {"right/panda_hand_tcp"}
     assert {step.arm for step in problem.task} == {of.get("arm", "")}
+    still = {"arm": "right", "path_constraints": [slow]}
+    steps = op.Task().gripper("right/hand", [0.02], **still).dwell(0.1, **still)
+    assert {step.constraints[0].frame for step in problem.with_task(steps).task} == {"right/panda_hand_tcp"}
 
 
 def test_a_problem_with_a_tool_takes_up_a_pick():
