@@ -66,7 +66,7 @@ class Replanner:
 
         Args:
             start: where the robot is by now: a configuration, or the `State` of one that moves.
-            goal: where it shall go.
+            goal: where it shall go, in place of a task too.
             scene: what stands around it.
             budget: seconds of planning and proof, or a `Budget`.
 

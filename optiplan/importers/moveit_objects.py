@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.geometry.poses import pose_to_data
+from optiplan.problem.schema.scene import WORLD
 from optiplan.robot.robot import Robot
 
 Data = Mapping[str, Any]
@@ -77,8 +78,8 @@ class Frames:
 
     def _add_fixed(self, transforms: list[Data]) -> None:
         """Resolve transforms in whatever order they are listed; frames of the robot are where it has them."""
-        if not any(_child(item) == "world" for item in transforms):
-            self.add("world", self._X_WM)
+        if not any(_child(item) == WORLD for item in transforms):
+            self.add(WORLD, self._X_WM)
         while transforms := [item for item in transforms if _child(item) not in self._named]:
             ready = [item for item in transforms if _parent(item) in self._named]
             for item in ready or transforms:  # without any, the first one's parent is reported as unknown
@@ -214,7 +215,7 @@ class SceneConverter:
 
     def _name(self, name: str, part: int) -> str:
         name = name if part == 0 else f"{name}_{part + 1}"
-        taken = {*self.links, *(n for names in self._parts.values() for n in names)}
+        taken = {WORLD, *self.links, *(n for names in self._parts.values() for n in names)}
         while name in taken:
             name += "_"
         return name

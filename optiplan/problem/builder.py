@@ -34,7 +34,7 @@ from optiplan.problem.partial import (
 )
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.schema import RegionSpec
-from optiplan.problem.schema.ends import AlternativeSpec, ConfigurationSpec, PlacedFrameSpec, StartSpec, ViaSpec
+from optiplan.problem.schema.ends import RATES, AlternativeSpec, ConfigurationSpec, PlacedFrameSpec, StartSpec, ViaSpec
 from optiplan.problem.schema.scene import AttachedSpec, ObstacleSpec
 from optiplan.robot.mounting import GRAVITY, Mounting
 from optiplan.robot.reference import ROBOTS
@@ -249,9 +249,9 @@ class Compiler:
         """A configuration with its velocity and acceleration, of as many values."""
         q = self.configuration(robot, part.place, part.value)
         rates: list[Array | None] = []
-        for key in ("velocity", "acceleration"):
-            said = getattr(part.value, key)
-            rates.append(np.array(said, float) if said and any(said) else None)
+        for key in RATES:
+            said, rate = getattr(part.value, key), part.value.rates(key)
+            rates.append(None if rate is None else np.array(rate, float))
             if said is not None and not self._one_each(robot, (*part.place, key), said):
                 q = None
         return None if q is None else JointGoal(q, velocity=rates[0], acceleration=rates[1])

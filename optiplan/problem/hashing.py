@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optiplan.files import read_bytes
+from optiplan.problem.schema.ends import RATES
 from optiplan.problem.schema.joint_names import ends_of
 from optiplan.problem.schema.scene import MotionSpec
 from optiplan.robot.robot import Robot, robot_names
@@ -94,7 +95,7 @@ def _say_in_one_way(data: dict[str, Any]) -> None:
         if "motion" in body:
             body["motion"] = MotionSpec(**body["motion"]).about(body["pose"]["position"]).to_data()
     for place, end in ends_of(data, ("move",)):
-        for key in ("velocity", "acceleration"):
+        for key in RATES:
             if "via" not in place and key in end and not any(end[key]):
                 del end[key]  # type: ignore[attr-defined]  # it is the data of a file, as dictionaries
 

@@ -346,12 +346,13 @@ class Problem(ReadOnlyArrays, FreeSpace):
         if unknown := changes.keys() - ARGUMENT_WRITERS.keys():
             expected = f"one of: {', '.join(ARGUMENT_WRITERS)}"
             raise wrong_argument("Problem.with_parts", "part", f"'{min(unknown)}'", expected)
+        gone = {part for one, parts in _INSTEAD.items() if one in changes for part in parts}
         if self.source:
             constraints, expressions = split_expressions(changes.get("path_constraints", self.path_constraints))
             if "path_constraints" in changes:
                 changes["path_constraints"] = constraints
-            gone = {key for one, keys in _INSTEAD.items() if one in changes for key in keys}
-            data = {key: said for key, said in self.source.items() if key not in gone} | arguments_data(changes)
+            without = {ARGUMENT_WRITERS[part][0] for part in gone}
+            data = {key: said for key, said in self.source.items() if key not in without} | arguments_data(changes)
             other = Problem.of(read_data(data, self.robot)).with_seed(self.seed)
             other._add_expressions(expressions)
             return other
@@ -367,7 +368,7 @@ class Problem(ReadOnlyArrays, FreeSpace):
             changes["goal"] = (changes["goal"],)
         if "tracking_error" in changes:
             changes["tracking_error"] = error_argument("Problem", self.robot, changes["tracking_error"])
-        return derived(self, **changes)
+        return derived(self, **{**dict.fromkeys(gone, ()), **changes})
 
     def _add_expressions(self, expressions: "Sequence[Expression]") -> None:
         """Add users' constraints, which no file holds: they are part of the hash, and `source` does not show them."""
@@ -412,7 +413,7 @@ def derived(problem: Problem, **changes: Any) -> Problem:
     return Problem.of({**vars(problem), **changes, "source": {}, "hash": ""})
 
 
-_INSTEAD = {"task": ("goal", "via"), "goal": ("task",)}
-"""Keys of a file that another one takes the place of."""
+_INSTEAD = {"task": ("goal", "vias"), "goal": ("task",)}
+"""Parts that another one takes the place of."""
 
 _CHANGEABLE = {one.name for one in fields(Problem)} - {"source", "hash"}

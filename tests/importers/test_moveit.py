@@ -307,8 +307,9 @@ def test_goal_about_an_unknown_link_is_refused(robot):
         convert(scene(), broken(change), robot, "1")
 
 
-def test_object_named_like_a_link_gets_another_name(robot):
-    assert list(obstacles(robot, scene({"id": "fore", "primitives": [BOX]}))) == ["fore_"]
+@pytest.mark.parametrize("name", ["fore", "world"])
+def test_object_named_like_a_link_or_the_world_gets_another_name(robot, name):
+    assert list(obstacles(robot, scene({"id": name, "primitives": [BOX]}))) == [f"{name}_"]
 
 
 def test_orientation_never_filled_in_is_the_identity(robot):

@@ -46,6 +46,12 @@ def test_rest_is_said_in_one_way():
     assert still.hash == op.Problem("panda", REACH.start, REACH.goal[0]).hash
     assert not still.nonzero_ends
     assert still.source["start"].keys() == {"joints"}
+    pose = {"pose": {"position": [0.5, 0, 0.4], "rpy": [np.pi, 0, 0]}}
+    there, said = (op.Problem("panda", "ready", {**pose, **rates}) for rates in ({}, {"velocity": [0.0] * N}))
+    assert said.hash == there.hash
+    ends = [{"any_of": [{**pose, **rates}]} for rates in ({}, {"velocity": [0.0] * N})]
+    there, said = (op.Problem("panda", "ready", task=[{"move": end}]) for end in ends)
+    assert said.hash == there.hash
 
 
 def test_a_goal_of_several_states():

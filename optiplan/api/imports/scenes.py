@@ -54,7 +54,7 @@ def import_scene(source: Path | str, out: Path | str, robot: Path | str, *, repl
 
 
 def write_scene(scene: ImportedScene, target: Path, robot: Path | str, force: bool) -> None:
-    """Write a scene as a problem file, with meshes beside it; obstacles called like a link get another name.
+    """Write a scene as a problem file, with meshes beside it; obstacles called like a link or the world are renamed.
 
     Raises:
         InputError: the robot cannot be used, or a file is there already.

@@ -12,6 +12,7 @@ from optiplan.arrays import Array
 from optiplan.config.messages import some
 from optiplan.geometry.meshes.triangles import Triangles
 from optiplan.geometry.poses import pose_to_data
+from optiplan.problem.schema.scene import WORLD
 
 
 @dataclass
@@ -38,13 +39,15 @@ class ImportedScene:
         self.add(name, {"half_space": {"normal": [float(x) for x in n], "offset": offset}}, pin.SE3.Identity())
 
     def rename(self, taken: Collection[str]) -> None:
-        """Give the obstacles other names whose own something else has, such as a link of the robot."""
+        """Give the obstacles other names whose own is the name of a link of the robot, or of the world."""
+        taken = {WORLD, *taken}
         names = {body["name"] for body in self.obstacles}
         for body in (body for body in self.obstacles if body["name"] in taken):
             new = body["name"]
             while new in taken or new in names:
                 new += "_"
-            self.notes.append(f"obstacle {body['name']} is called {new}, since a link of the robot is called so")
+            owner = "the world" if body["name"] == WORLD else "a link of the robot"
+            self.notes.append(f"obstacle {body['name']} is called {new}, since {owner} is called so")
             body["name"] = new
             names.add(new)
 

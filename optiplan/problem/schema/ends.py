@@ -21,6 +21,9 @@ from optiplan.problem.regions.schema import RegionSpec
 CONFIGURATIONS = ("joints", "joints_deg", "configuration")
 """How a configuration can be said."""
 
+RATES = ("velocity", "acceleration")
+"""What an end has beside where it is."""
+
 _NAMED = f"{', '.join(CONFIGURATIONS[:-1])} or {CONFIGURATIONS[-1]}"
 
 
@@ -44,17 +47,22 @@ class StartSpec(ConfigurationSpec, ExactlyOne):
     `velocity` (rad/s or m/s) and `acceleration` (rad/s² or m/s²), one value per planned joint: at rest without them.
     """
 
-    BESIDE: ClassVar[frozenset[str]] = frozenset({"velocity", "acceleration"})
+    BESIDE: ClassVar[frozenset[str]] = frozenset(RATES)
 
     velocity: JointValues | None = None
     acceleration: JointValues | None = None
 
     @model_validator(mode="after")
     def _state(self) -> Self:
-        for key in ("velocity", "acceleration"):
-            if getattr(self, key) is not None and self.kind not in CONFIGURATIONS:
+        for key in RATES:
+            if self.rates(key) is not None and self.kind not in CONFIGURATIONS:
                 raise ValueError(f"found {key} with {self.kind}; expected it with {_NAMED} only")
         return self
+
+    def rates(self, key: str) -> tuple[float, ...] | None:
+        """Return one of `RATES`; None at rest, which zeros say as nothing does."""
+        said: tuple[float, ...] | None = getattr(self, key)
+        return said if said and any(said) else None
 
 
 class PlacedFrameSpec(Strict):

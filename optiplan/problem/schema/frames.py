@@ -10,7 +10,7 @@ a move, an approach or a line of a task `rides` with it. Their poses are then th
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -20,7 +20,7 @@ from optiplan.config.messages import choices, describe
 from optiplan.config.values import Vector
 from optiplan.errors import InputError, Issue
 from optiplan.geometry.pose import PoseSpec, pose_of
-from optiplan.geometry.poses import pose_from_data, pose_to_data
+from optiplan.geometry.poses import pose_to_data
 from optiplan.problem.partial import fit, mapping
 from optiplan.problem.schema.scene import OF_LINES, WORLD
 from optiplan.robot.robot import Robot
@@ -40,6 +40,13 @@ APART = ("robot", "frames")
 """Parts of a file whose poses are of their own kind."""
 
 Place = tuple[str | int, ...]
+
+
+class Placed(NamedTuple):
+    """A pose of a file: X_WB, and the frame F that it is said in."""
+
+    X_WF: pin.SE3
+    X_WB: pin.SE3
 
 
 class FrameReader:
@@ -176,9 +183,15 @@ class FrameReader:
         X_BO = self._offset(place, pose)
         return None if X_WF is None or X_FB is None or X_BO is None else X_WF * X_FB * X_BO
 
+    def placed(self, place: Place, pose: Mapping[str, Any]) -> Placed | None:
+        """Return a pose of the file in the world, with the frame that it is in; None where these cannot be said."""
+        X_WB, parent = self.in_world(place, pose), pose.get("in", WORLD)
+        X_WF = None if X_WB is None else self.pose_of(parent, (parent,))
+        return None if X_WF is None or X_WB is None else Placed(X_WF, X_WB)
+
     def _offset(self, place: Place, pose: Mapping[str, Any]) -> pin.SE3 | None:
         """Return X_BO, the identity of what has none."""
-        if "offset" not in pose or _is_region(place):
+        if pose.get("offset") is None or _is_region(place):
             return pin.SE3.Identity()
         X_BO = self._read((*place, "offset"), pose["offset"], True)
         if X_BO is not None and (far := float(np.abs(X_BO.translation).max())) > FARTHEST:
@@ -230,7 +243,7 @@ def in_world(document: Document, robot: Callable[[], Robot | None]) -> tuple[Doc
         return document, []
     frames = FrameReader(document, robot)
     frames.check()
-    poses = {place: frames.in_world(place, pose) for place, pose in placed}
+    poses = {place: frames.placed(place, pose) for place, pose in placed}
     moving = [found for place, pose in placed if (found := frames.along(place, pose)) is not None]
     frames.all_along(document.data, moving)
     data = {key: value for key, value in document.data.items() if key != "frames"}
@@ -289,11 +302,11 @@ def _placed(data: Any, place: Place = ()) -> Iterator[tuple[Place, Mapping[str, 
             yield from _placed(value, (*place, key))
 
 
-def _replaced(data: Any, poses: Mapping[Place, pin.SE3 | None], place: Place) -> Any:
+def _replaced(data: Any, poses: Mapping[Place, Placed | None], place: Place) -> Any:
     if place in poses:
         own = set(OWN) - ({"offset"} if _is_region(place) else set())
         pose, kept = poses[place], {key: value for key, value in data.items() if key not in own}
-        stated = {key: data[key] for key in OWN[2:] if key in data} if pose is None else pose_to_data(pose)
+        stated = {key: data[key] for key in OWN[2:] if key in data} if pose is None else pose_to_data(pose.X_WB)
         if pose is not None and _is_listed(place, ("points", "targets")):
             stated = _listed_pose(data, pose, stated, "points" in place)
         return {**kept, **stated}
@@ -302,7 +315,7 @@ def _replaced(data: Any, poses: Mapping[Place, pin.SE3 | None], place: Place) ->
     return [_replaced(value, poses, (*place, k)) for k, value in enumerate(data)] if isinstance(data, list) else data
 
 
-def _listed_pose(data: Mapping[str, Any], X_WB: pin.SE3, stated: dict[str, Any], points: bool) -> dict[str, Any]:
+def _listed_pose(data: Mapping[str, Any], pose: Placed, stated: dict[str, Any], points: bool) -> dict[str, Any]:
     """Return a target or a point whose pose is `stated` in the world: with an axis, or as it is.
 
     A point without a rotation of its own has none in a frame either. What is no vector, and a rotation beside an axis,
@@ -312,10 +325,9 @@ def _listed_pose(data: Mapping[str, Any], X_WB: pin.SE3, stated: dict[str, Any],
     if (axis := data.get("axis")) is not None:
         found = {"position": stated["position"], **turned}
         if (along := fit(Vector, axis)) is not None:
-            found["axis"] = (X_WB.rotation @ np.array(along)).tolist()
-    elif points and not turned and "offset" not in data:
+            found["axis"] = (pose.X_WB.rotation @ np.array(along)).tolist()
+    elif points and not turned and data.get("offset") is None:
         found = {"position": stated["position"]}
     if points and (through := fit(Vector, data.get("through"))) is not None:
-        X_WF = X_WB * pose_from_data(mapping(data.get("offset"))).inverse() * pose_from_data(data).inverse()
-        found["through"] = X_WF.act(np.array(through)).tolist()
+        found["through"] = pose.X_WF.act(np.array(through)).tolist()
     return found

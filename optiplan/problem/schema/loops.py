@@ -13,8 +13,9 @@
 Of `either`, a list of lists of steps, one list is done; here each of their steps gets an `option`: its choice and its
 alternative.
 
-A text that begins with `=` is an expression of the values; in other texts `{name}` stands for one. Here the steps are
-written out, each with the line that it has in the file, before anything else is read.
+A text that begins with `=` is an expression of the values, of names only where there are any; in other texts `{name}`
+stands for one. Here the steps are written out, each with the line that it has in the file, before anything else is
+read.
 """
 
 import math
@@ -37,6 +38,12 @@ DEEPEST = 20
 """Tasks that do each other, one within another."""
 RANGE = re.compile(r"(-?\d+)\.\.(-?\d+)")
 NAMED = re.compile(r"\{([A-Za-z_]\w*)\}")
+NAMES = frozenset(
+    {"name", "arm", "wait_for", "wait_until", "group", "hand", "frame", "configuration", "rides", "in", "from", "to"}
+    | {"object", "link", "touch", "tool", "allowed_collisions", "pairs"}
+    | {"do", "after", "cluster", "first", "last", "carried_by"}
+)
+"""Keys of names: of these a text that begins with `=` is one, too, outside of `for` and `do`, which give values."""
 Place = tuple[str | int, ...]
 Values = Mapping[str, Any]
 
@@ -155,7 +162,7 @@ class LoopReader:
             return [self._filled(value, (*place, k), values) for k, value in enumerate(data)]
         if not isinstance(data, str):
             return data
-        if not data.startswith("="):
+        if not data.startswith("=") or (not values and _is_name(place)):
             return NAMED.sub(lambda name: str(values.get(name[1], name[0])), data)
         try:
             found = arithmetic(data[1:], values)
@@ -186,8 +193,8 @@ def written_out(document: Document) -> tuple[Document, list[Issue]]:
     if not isinstance(root, Mapping) or not isinstance(root.get("task"), list):
         return document, []
     if "tasks" not in root and not any(
-        (isinstance(step, Mapping) and {"for", "do", "either"} & step.keys()) or _computes(step)
-        for step in root["task"]
+        (isinstance(step, Mapping) and {"for", "do", "either"} & step.keys()) or _computes(step, ("task", k))
+        for k, step in enumerate(root["task"])
     ):
         return document, []
     reader = LoopReader(document)
@@ -198,12 +205,18 @@ def written_out(document: Document) -> tuple[Document, list[Issue]]:
     return replace(document, data=data, lines=_lines(document, written)), reader.issues
 
 
-def _computes(data: Any) -> bool:
+def _computes(data: Any, place: Place) -> bool:
     """Whether there is an expression in the data."""
     if isinstance(data, str):
-        return data.startswith("=")
-    items = data.values() if isinstance(data, Mapping) else data if isinstance(data, list) else ()
-    return any(map(_computes, items))
+        return data.startswith("=") and not _is_name(place)
+    items = data.items() if isinstance(data, Mapping) else enumerate(data) if isinstance(data, list) else ()
+    return any(_computes(value, (*place, key)) for key, value in items)
+
+
+def _is_name(place: Place) -> bool:
+    """Whether a name stands there, by itself or in a list; values of `for` and `with` are called as one likes."""
+    last = next((key for key in reversed(place) if isinstance(key, str)), None)
+    return last in NAMES and not {"for", "with"} & set(place)
 
 
 def _lines(document: Document, written: Sequence[_Written]) -> dict[Place, int]:

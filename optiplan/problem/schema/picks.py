@@ -22,10 +22,12 @@ from optiplan.errors import InputError, Issue
 from optiplan.geometry.pose import PoseGoalSpec
 from optiplan.geometry.shapes import shape_from_spec
 from optiplan.kinematics.ik.numeric import joints_that_move
+from optiplan.problem.constraints.statements import KINDS as KINDS_OF_CONSTRAINTS
+from optiplan.problem.constraints.statements import PathConstraintSpec
 from optiplan.problem.grasps.antipodal import graspable, least_width
 from optiplan.problem.partial import fit, mapping
 from optiplan.problem.schema.ends import exactly_one
-from optiplan.problem.schema.scene import LARGEST_MASS, ObstacleSpec
+from optiplan.problem.schema.scene import LARGEST_MASS, WORLD, ObstacleSpec
 from optiplan.robot.frames import with_tool_of
 from optiplan.robot.mimic_joints import resolve
 from optiplan.robot.robot import Robot
@@ -104,18 +106,25 @@ def with_picks(document: Document, robot: Loader) -> tuple[Document, list[Issue]
     task = mapping(document.data).get("task")
     if not isinstance(task, list) or not any(isinstance(one, dict) and KINDS.keys() & one.keys() for one in task):
         return document, []
-    reader, steps, places = _PickReader(document, robot), list[Any](), list[Place]()
-    for k, step in enumerate(task):
-        for one in reader.steps(("task", k), step):
-            steps.append(one)
-            places.append(("task", k))
+    reader, steps = _PickReader(document, robot), list[Any]()
     lines = {place: line for place, line in document.lines.items() if place[:1] != ("task",) or len(place) == 1}
-    for new, old in enumerate(places):
+    for k, step in enumerate(task):
+        old = ("task", k)
         below = {place[2:]: line for place, line in document.lines.items() if place[:2] == old}
-        lines |= {("task", new, *rest): line for rest, line in below.items()}
-        if (line := document.lines.get(old)) is not None:
-            lines |= {("task", new, key): line for key in mapping(steps[new]) if ("task", new, key) not in lines}
+        for one, left in reader.steps(old, step):
+            new = ("task", len(steps))
+            steps.append(one)
+            lines |= {(*new, *own): line for rest, line in below.items() if (own := _place_of(rest, left)) is not None}
+            if (line := document.lines.get(old)) is not None:
+                lines |= {(*new, key): line for key in mapping(one) if (*new, key) not in lines}
     return replace(document, data={**document.data, "task": steps}, lines=lines), reader.issues
+
+
+def _place_of(place: Place, left: Sequence[int] | None) -> Place | None:
+    """Return where something of a step is in one of its parts, which has the path constraints that are `left` to it."""
+    if left is None or place[:1] != ("path_constraints",) or len(place) == 1:
+        return place
+    return (place[0], left.index(int(place[1])), *place[2:]) if place[1] in left else None
 
 
 class _PickReader:
@@ -129,11 +138,11 @@ class _PickReader:
             if isinstance(one, dict) and "name" in one
         }
 
-    def steps(self, place: Place, step: Any) -> Iterator[Any]:
-        """Yield the steps that a step is."""
+    def steps(self, place: Place, step: Any) -> Iterator[tuple[Any, Sequence[int] | None]]:
+        """Yield the steps that a step is, each with the places of its path constraints in those of the step."""
         kinds = [kind for kind in KINDS if isinstance(step, dict) and kind in step]
         if len(kinds) != 1:
-            yield step
+            yield step, None
             return
         kind = kinds[0]
         if unknown := [key for key in step if key not in (kind, *STEP, "option")]:
@@ -145,15 +154,22 @@ class _PickReader:
             for issue in error.issues:
                 self._report((*place, kind, *issue.path), issue.found, issue.expected)
             return
-        robot, main = self._load()
-        if robot is None:
+        whole, main = self._load()
+        if whole is None:
             return
-        robot = with_tool_of(robot, spec.group or step.get("arm"), main)
+        robot = with_tool_of(whole, spec.group or step.get("arm"), main)
         rest = {key: value for key, value in step.items() if key != kind}
-        parts = self._pick if isinstance(spec, PickSpec) else self._place
+        parts, held = self._pick if isinstance(spec, PickSpec) else self._place, isinstance(spec, PlaceSpec)
         for one in parts((*place, kind), spec, robot, step[kind]):  # type: ignore[arg-type]
+            held = "attach" in one or (held and "detach" not in one)
             own = {key: value for key, value in rest.items() if not one.keys() & _NOT_OF.get(key, ())}
-            yield {**one, **own}
+            left = None
+            if isinstance(said := own.get("path_constraints"), list):
+                tool = with_tool_of(whole, one["gripper"]["group"], main) if "gripper" in one else robot
+                frame = None if tool.tool_frame == robot.tool_frame else robot.tool_frame
+                kept = {k: _about(c, frame) for k, c in enumerate(said) if held or spec.object not in _frames(c)}
+                own["path_constraints"], left = [*kept.values()], [*kept]
+            yield {**one, **own}, left
 
     def _pick(self, place: Place, spec: PickSpec, robot: Robot, raw: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         hand = self._hand(place, spec.hand, robot)
@@ -185,7 +201,7 @@ class _PickReader:
         link = spec.link or _holding(robot)
         weight = {} if spec.mass is None else {"mass": spec.mass}
         touch = fingers.links if spec.touch is None else list(spec.touch)
-        lift: dict[str, Any] = {"distance": spec.lift, "along": [0, 0, 1], "in": spec.from_ or "world"}
+        lift: dict[str, Any] = {"distance": spec.lift, "along": [0, 0, 1], "in": spec.from_ or WORLD}
         yield {"approach": {**grasps, "distance": spec.distance, **line}}
         yield {"attach": {"object": spec.object, "link": link, "touch": touch, **weight}}
         yield {"gripper": {"group": hand, "joints": list(closed)}}
@@ -228,6 +244,21 @@ class _PickReader:
 
     def _report(self, place: Place, found: str, expected: str) -> None:
         self.issues.append(self._document.issue(place, found, expected))
+
+
+def _frames(said: Any) -> set[str]:
+    """Return the frames that a path constraint names."""
+    spec = fit(PathConstraintSpec, said)
+    one = None if spec is None else KINDS_OF_CONSTRAINTS[spec.kind].of(spec.value, "")
+    return set() if one is None else {mention.name for mention in one.mentioned() if mention.kind == "frame"}
+
+
+def _about(said: Any, frame: str | None) -> Any:
+    """Return a path constraint about a frame where it would be about the tool frame, which is another one."""
+    spec = None if frame is None else fit(PathConstraintSpec, said)
+    if spec is None or getattr(spec.value, "frame", frame) is not None:
+        return said
+    return {spec.kind: {**mapping(said[spec.kind]), "frame": frame}}
 
 
 def _unframed(data: Any) -> Any:

@@ -24,7 +24,8 @@ LARGEST_MASS = 1e6
 """kg; nothing that an arm can hold."""
 
 WORLD = "world"
-OF_LINES = (WORLD, "tool")
+TOOL = "tool"
+OF_LINES = (WORLD, TOOL)
 """What the direction of a line is said in, unless that moves: no frame has these names, nor what moves."""
 
 Polynomial = Annotated[tuple[Coordinate, ...], Field(min_length=1, max_length=10)]

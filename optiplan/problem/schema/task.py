@@ -29,7 +29,7 @@ from optiplan.problem.schema.ends import (
     timed,
 )
 from optiplan.problem.schema.grasps import GraspsSpec
-from optiplan.problem.schema.scene import LARGEST_MASS, check_weight
+from optiplan.problem.schema.scene import LARGEST_MASS, TOOL, WORLD, check_weight
 from optiplan.problem.schema.seam import SeamSpec
 from optiplan.problem.schema.tour import TourSpec
 
@@ -63,7 +63,7 @@ class StraightLineSpec(Strict):
 
     pose: PoseGoalSpec | None = None
     by: Vector | None = None
-    in_: Annotated[Name, Field(alias="in")] = "world"
+    in_: Annotated[Name, Field(alias="in")] = WORLD
     frame: Name | None = None
     speed: Length | None = None
     blend: Length | None = None
@@ -73,7 +73,7 @@ class StraightLineSpec(Strict):
     @model_validator(mode="after")
     def _one_end(self) -> Self:
         exactly_one(self, ("pose", "by"))
-        if self.pose is not None and (self.in_ != "world" or self.frame is not None):
+        if self.pose is not None and (self.in_ != WORLD or self.frame is not None):
             raise ValueError("found `in` or `frame` of the line; expected `frame` of the pose")
         return self
 
@@ -127,7 +127,7 @@ class RetreatSpec(Strict):
 
     distance: Length
     along: Direction | None = None
-    in_: Annotated[Name, Field(alias="in")] = "tool"
+    in_: Annotated[Name, Field(alias="in")] = TOOL
     frame: Name | None = None
     speed: Length | None = None
     blend: Length | None = None

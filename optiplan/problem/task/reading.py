@@ -19,7 +19,7 @@ from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
 from optiplan.problem.grasps.places import places
 from optiplan.problem.grasps.reading import ending_region, grasp_ends
 from optiplan.problem.partial import LocatedValue
-from optiplan.problem.schema.ends import ENDS, AlternativeSpec, ViaSpec
+from optiplan.problem.schema.ends import ENDS, RATES, AlternativeSpec, ViaSpec
 from optiplan.problem.schema.seam import SeamSpec
 from optiplan.problem.schema.task import (
     ApproachSpec,
@@ -60,6 +60,9 @@ from optiplan.robot.robot import Robot
 
 Located = LocatedValue[TaskStepSpec]
 
+_BESIDE_LINES = ("gripper", "dwell")
+"""Steps that lead no tool: constraints in them are about that of their arm."""
+
 
 class TaskReader:
     """Turns the steps of a file into statements; errors go to the compiler's issues."""
@@ -88,7 +91,7 @@ class TaskReader:
                 LocatedValue((*part.place, "path_constraints", i), one) for i, one in enumerate(spec.path_constraints)
             ]
             group = getattr(getattr(spec, spec.kind), "group", None)
-            robot = self._with_tool_of(group)
+            robot = self._with_tool_of((spec.arm if spec.kind in _BESIDE_LINES else None) or group)
             located = self.compiler.constraints(robot, self.scene, kept)
             constraints = tuple(one.value for one in located)
             allowed = self._allowed(part)
@@ -246,8 +249,8 @@ class TaskReader:
         if spec.any_of is not None:
             parts = [LocatedValue((*place, "any_of", i), one) for i, one in enumerate(spec.any_of)]
             for part in parts:
-                for rate in ("velocity", "acceleration"):
-                    if getattr(part.value, rate) is not None:
+                for rate in RATES:
+                    if part.value.rates(rate) is not None:
                         self.compiler.report((*part.place, rate), f"{rate} at the end of a step", "an end at rest")
         else:
             kind = next(kind for kind in ENDS if getattr(spec, kind) is not None)

@@ -18,7 +18,7 @@ from optiplan.problem.goals_and_vias import PoseGoal
 from optiplan.problem.grasps.places import unbounded
 from optiplan.problem.partial import fit, mapping
 from optiplan.problem.regions.region import RegionGoal
-from optiplan.problem.schema.scene import OF_LINES, MovingFrameSpec
+from optiplan.problem.schema.scene import OF_LINES, TOOL, WORLD, MovingFrameSpec
 from optiplan.problem.schema.task import ApproachSpec, RetreatSpec, StraightLineSpec, TaskStepSpec
 from optiplan.problem.task.rides import LONGEST, Mover, Ride, WaitUntil, split_condition
 from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine
@@ -103,11 +103,11 @@ class RideReader:
 
     def axes(self, place: Place, name: str) -> Array | None:
         """Return the axes (3, 3) of the frame that a line says its direction in; None: those of the tool."""
-        if name == "tool":
+        if name == TOOL:
             return None
-        if name != "world" and name not in self.movers:
+        if name != WORLD and name not in self.movers:
             self._compiler.unknown((*place, "in"), "frame", name, [*OF_LINES, *self.movers])
-        elif name != "world" and (self.now is None or self.now.mover.motion.key != self.movers[name].motion.key):
+        elif name != WORLD and (self.now is None or self.now.mover.motion.key != self.movers[name].motion.key):
             found = f"'{name}', which moves, while the arm does not go with it"
             self._report((*place, "in"), found, f"a move or an approach to a pose `in: {name}` before")
         return np.asarray(self.movers[name].X_WO.rotation) if name in self.movers else np.eye(3)
@@ -186,7 +186,7 @@ class RideReader:
             found = f"a pose in the world while the arm goes with '{ride.mover.name}'"
             self._report((*place, "pose"), found, f"`in: {ride.mover.name}`, or a move before")
         turning = ride.mover.motion.axis
-        if turning is not None and action.by is not None and getattr(spec, "in_", "") == "world":
+        if turning is not None and action.by is not None and getattr(spec, "in_", "") == WORLD:
             if np.linalg.norm(np.cross(action.by, turning)) > _ALONG * np.linalg.norm(action.by):
                 found = f"a direction in the world while the arm goes with '{ride.mover.name}', which turns"
                 self._report((*place, "in"), found, f"`in: {ride.mover.name}`, or a direction along the axis")

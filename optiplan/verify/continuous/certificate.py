@@ -10,7 +10,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.clearance_record import ClearanceRecord
 from optiplan.verify.continuous.interval_queries import AskedClearance, DistanceQuery, Middles, Nearness
-from optiplan.verify.continuous.intervals import IntervalBlocks, Intervals, blocks, spans
+from optiplan.verify.continuous.intervals import MOST_AT_ONCE, IntervalBlocks, Intervals, blocks, spans
 from optiplan.verify.continuous.motion_tools import too_large, tools_of
 from optiplan.verify.continuous.proof import Moment, Proof, least_of_kinds
 from optiplan.verify.planes.plane_search import FAR
@@ -26,7 +26,6 @@ _MOST_AGAIN = 4_000  # items examined to refine the clearance after the proof
 _FIRST_TRAVEL = 0.2  # rad or m, summed over joints: travel within the first intervals
 _MOST_HALVINGS = 12  # of a piece before the first query
 _MOST_FIRST = 100_000_000  # pairs on the first intervals beyond one a piece, of 100 pairs at least, to bound memory
-_MOST_ITEMS = 20_000  # items processed at once, to bound memory
 _NONE = np.empty(0, dtype=np.intp)
 _CHUNK = 256  # blocks of intervals bounded by volumes at a time, to bound memory
 
@@ -177,10 +176,10 @@ class _Search(SearchState):
     def work_off(self, items: Intervals) -> None:
         """Process these items and their parts until none is open or there is a reason to stop."""
         while len(items.pair) and not self.proof.reason:
-            if len(items.pair) <= _MOST_ITEMS:
+            if len(items.pair) <= MOST_AT_ONCE:
                 items = self.advance(items)
                 continue
-            head, tail = np.split(np.arange(len(items.pair)), [_MOST_ITEMS])
+            head, tail = np.split(np.arange(len(items.pair)), [MOST_AT_ONCE])
             items = Intervals.join([self.advance(items.take(head)), items.take(tail)])
 
     def advance(self, items: Intervals) -> Intervals:

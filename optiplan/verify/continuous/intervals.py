@@ -13,6 +13,9 @@ from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.motion_bounds import Boxes
 from optiplan.verify.continuous.proof import least_of_kinds
 
+MOST_AT_ONCE = 20_000
+"""Intervals, or open items, that are processed at once, to bound memory."""
+
 
 @dataclass(frozen=True, eq=False)
 class Intervals:

@@ -9,16 +9,13 @@ from optiplan.collision.model import CollisionModel
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.clearance_record import ClearanceRecord
 from optiplan.verify.continuous.interval_queries import AskedClearance, DistanceQuery, Middles
-from optiplan.verify.continuous.intervals import Intervals, boxes, middles, spans, step_sizes
+from optiplan.verify.continuous.intervals import MOST_AT_ONCE, Intervals, boxes, middles, spans, step_sizes
 from optiplan.verify.continuous.motion_bounds import Boxes
 from optiplan.verify.continuous.motion_tools import tools_of
 from optiplan.verify.continuous.proof import SCENE, SELF, Moment, Proof, least_of_kinds
 from optiplan.verify.planes.plane_search import PROVED_SHARE, Gap, plane_search
 from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.tolerances import CLEARANCE_ROUNDING
-
-_MOST_MIDDLES = 20_000
-"""Intervals of which the poses in the middle are computed at once, to bound memory."""
 
 
 @dataclass(eq=False)
@@ -90,8 +87,8 @@ class SearchState:
     def left_of_kept(self, intervals: Intervals, kept: Index) -> tuple[Index, Index]:
         """Return on which intervals (K,) which of these pairs (K,) are not proved by what is kept of them."""
         rows, pairs = [np.empty(0, dtype=np.intp)], [kept[:0]]
-        for first in range(0, len(intervals.piece) if len(kept) else 0, _MOST_MIDDLES):
-            own = intervals.take(np.arange(first, min(first + _MOST_MIDDLES, len(intervals.piece))))
+        for first in range(0, len(intervals.piece) if len(kept) else 0, MOST_AT_ONCE):
+            own = intervals.take(np.arange(first, min(first + MOST_AT_ONCE, len(intervals.piece))))
             each = np.repeat(np.arange(len(own.piece)), len(kept))
             left, each = self.without_kept(own.each_with(kept), each, self.middles(own))
             rows.append(first + each)

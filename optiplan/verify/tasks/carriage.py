@@ -5,7 +5,6 @@ there. M(t)^-1 = Rot(axis through point, -a(t)) Trans(-d(t)) is done by joints b
 positions are polynomials of time too. So measures, bounds and proofs for a robot in the world are those in the frame.
 """
 
-from collections.abc import Iterable, Sequence
 from dataclasses import fields, replace
 
 import numpy as np
@@ -31,8 +30,8 @@ def on_carriage(problem: Problem, motion: ObstacleMotion) -> Problem:
     return derived(problem, robot=robot, **fixed, tracking_error=error, goal=(), vias=(), path_constraints=())
 
 
-def seen_from(trajectory: Trajectory, motion: ObstacleMotion, begin: float) -> Trajectory:
-    """Return a part of a motion that begins at a time, s, with the columns of the carriage first."""
+def seen_from(trajectory: Trajectory, motion: ObstacleMotion, begin: float, robot: Robot) -> Trajectory:
+    """Return a part of a motion that begins at a time, s, as one of the `robot` on the carriage."""
     left = motion.until - begin
     rows = motion.from_times(np.array([begin]))[0]
     later = replace(motion, coefficients=rows, until=left if left > 0.0 else np.inf)
@@ -40,8 +39,7 @@ def seen_from(trajectory: Trajectory, motion: ObstacleMotion, begin: float) -> T
     order = np.concatenate([_places(motion) + trajectory.n, np.arange(trajectory.n)])
     coefficients = np.array(whole.coefficients[:, :, order])
     coefficients[:, :, : motion.size] *= -1.0
-    names = (*_names(motion, trajectory.joint_names), *trajectory.joint_names)
-    return Trajectory(names, whole.breakpoints, coefficients)
+    return Trajectory(robot.joint_names, whole.breakpoints, coefficients)
 
 
 def state_seen_from(states: tuple[Array, Array], motion: ObstacleMotion, t: float) -> tuple[Array, Array]:
@@ -56,13 +54,10 @@ def _places(motion: ObstacleMotion) -> Index:
     return np.array([*range(SLIDES)] if motion.axis is None else [SLIDES, *range(SLIDES)], dtype=np.intp)
 
 
-def _names(motion: ObstacleMotion, taken: Iterable[str]) -> Sequence[str]:
-    turn = () if motion.axis is None else ("carriage turn",)
-    return names_beside([*turn, *(f"carriage {axis}" for axis in "xyz")], taken)
-
-
 def _carried(robot: Robot, motion: ObstacleMotion) -> Robot:
-    carriage, joint, names = pin.Model(), 0, _names(motion, robot.model.names)
+    turn = () if motion.axis is None else ("carriage turn",)
+    names = names_beside([*turn, *(f"carriage {axis}" for axis in "xyz")], robot.model.names)
+    carriage, joint = pin.Model(), 0
     placement = pin.SE3.Identity()
     if motion.axis is not None:
         joint = carriage.addJoint(0, pin.JointModelRZ(), motion.joint_frame, names[0])

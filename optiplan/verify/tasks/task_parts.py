@@ -61,8 +61,9 @@ class StepPart:
             return self
         motion = self.step.ride.mover.motion
         q, v = state_seen_from((self.q, self.v), motion, self.end)
-        own = None if self.motion is None else seen_from(self.motion, motion, self.begin)
-        return replace(self, problem=on_carriage(self.problem, motion), motion=own, q=q, v=v)
+        carried = on_carriage(self.problem, motion)
+        own = None if self.motion is None else seen_from(self.motion, motion, self.begin, carried.robot)
+        return replace(self, problem=carried, motion=own, q=q, v=v)
 
 
 def standing_at(problem: Problem, q: Array) -> Trajectory:

@@ -239,6 +239,10 @@ def test_geoms_that_cannot_touch_are_obstacles_only_where_none_can(tmp_path):
     scene = read_scene(tmp_path / "m.xml")
     assert [body["name"] for body in scene.obstacles] == ["world"]
     assert "left out, since they cannot touch: geoms of post" in scene.notes
+    (tmp_path / "m.xml").write_text(text.format('<geom type="box" size="1 1 1" pos="9 0 0"/>', ""))
+    problem = op.import_scene(tmp_path / "m.xml", tmp_path / "m.yaml", "ur5")
+    assert [body.name for body in problem.scene.obstacles] == ["world_"]
+    assert "# obstacle world is called world_, since the world is called so" in (tmp_path / "m.yaml").read_text()
 
 
 def test_obstacles_are_not_called_like_links(tmp_path):
@@ -246,7 +250,7 @@ def test_obstacles_are_not_called_like_links(tmp_path):
     (tmp_path / "m.scene").write_text(text)
     problem = op.import_scene(tmp_path / "m.scene", tmp_path / "m.yaml", "ur5")
     assert [body.name for body in problem.scene.obstacles] == ["base_link_", "base_link_2", "floor"]
-    assert "# obstacle base_link is called base_link_" in (tmp_path / "m.yaml").read_text()
+    assert "# obstacle base_link is called base_link_, since a link" in (tmp_path / "m.yaml").read_text()
 
 
 @pytest.mark.parametrize(

@@ -37,6 +37,10 @@ def test_a_task_takes_the_place_of_a_goal_with_its_vias_and_a_goal_that_of_a_tas
     assert (len(task.task), task.goal, task.vias) == (1, (), ())
     assert problem_from_dict(task.source).hash == task.hash
     assert task.with_goal(problem.goal[0]).hash == problem.hash
+    by_hand = derived(task).with_goal(problem.goal[0])
+    assert (len(by_hand.task), len(by_hand.goal)) == (0, 1)
+    by_hand = derived(problem.with_vias([0.5, 0.1])).with_task(task.task)
+    assert (len(by_hand.task), by_hand.goal, by_hand.vias) == (1, (), ())
     with pytest.raises(InputError, match="`goal` beside a task"):
         problem.with_parts(task=[{"dwell": 1.0}], goal=problem.goal[0])
 

@@ -37,6 +37,13 @@ def test_a_pose_is_the_product_of_its_frames_and_its_offset():
     assert "frames" not in found.source
 
 
+@pytest.mark.parametrize("named", [{"in": "slot"}, {}])
+def test_an_offset_of_nothing_states_nothing(named):
+    pose = {"position": [0.5, 0, 0.4], "rpy_deg": [180, 0, 0], **named}
+    plain, said = (problem_from_dict(problem(goal={"pose": {**pose, **more}})) for more in ({}, {"offset": None}))
+    np.testing.assert_allclose(said.goal[0].X_WG.homogeneous, plain.goal[0].X_WG.homogeneous, atol=1e-12)
+
+
 def test_poses_of_python_are_products():
     table, tray = (op.Pose(**{key: one[key] for key in one if key != "in"}) for one in (TABLE["pose"], TRAY))
     goal = table @ tray @ op.Pose((0.05, 0, 0.08), rpy_deg=(180, 0, 0), frame="panda_hand", position_tolerance=1e-3)

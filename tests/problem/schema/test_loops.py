@@ -48,10 +48,22 @@ def test_every_value_goes_with_every_other_and_the_last_changes_first():
     assert problem_from_dict(found.source).hash == found.hash
 
 
+SAME = "=0.05 * 2", 0.1
+
+
 def test_a_task_without_loops_may_compute():
-    data = {**YAML(typ="safe").load(GRID), "task": [{"line": {"by": [0, 0, "=0.05 * 2"]}}]}
+    """Names are none of that: `=M1` is one of a plant."""
+    lines = [{"line": {"by": [0, 0, said]}, "name": "=M1", "allowed_collisions": [["=M2", "cube"]]} for said in SAME]
+    data = {**YAML(typ="safe").load(GRID), "task": lines}
     del data["tasks"]
-    assert problem_from_dict(data).source["task"][0]["line"]["by"] == [0, 0, 0.1]
+    data["scene"]["obstacles"] += [{**data["scene"]["obstacles"][0], "name": "=M2", "pose": {"position": [0, 9, 0]}}]
+    found = problem_from_dict(data).source["task"]
+    assert [one["line"]["by"] for one in found] == [[0, 0, 0.1]] * 2
+    assert [(one["name"], one["allowed_collisions"]) for one in found] == [("=M1", [["=M2", "cube"]])] * 2
+    given = [{"for": {"to": ["=0.05 * 2"]}, "steps": [{"line": {"by": [0, 0, "=to"]}}]}]
+    assert problem_from_dict({**data, "task": given}).source["task"][0]["line"]["by"] == [0, 0, 0.1]
+    plain = problem_from_dict({**data, "task": lines[1:]}).source["task"]
+    assert plain == found[1:]
 
 
 def wrong(old, new):

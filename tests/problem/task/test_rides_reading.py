@@ -88,15 +88,21 @@ def test_picks_and_places_are_steps_with_their_rides():
 def test_an_arm_takes_objects_with_its_own_hand(of):
     arms = op.Robot.side_by_side({"left": "panda", "right": {"use": "panda", "base": op.Pose((0, -1, 0))}})
     cube = op.Box("cube", size=(0.04, 0.04, 0.04), position=(0.5, -1, 0.02))
-    higher, own = op.Pose((0.5, -1, 0.2), rpy=(np.pi, 0, 0)), {"hand": "right/hand", **of}
+    higher, slow = op.Pose((0.5, -1, 0.2), rpy=(np.pi, 0, 0)), {"tool_speed": {"linear": 0.2}}
+    own = {"hand": "right/hand", "path_constraints": [slow], **of}
     task = op.Task().pick("cube", **own).place("cube", higher, **own)
     problem = op.Problem(arms, "ready", task=task, scene=[cube])
     attach = next(step.action for step in problem.task if step.kind == "attach")
     assert attach.link == "right/panda_hand"
     assert attach.touch == {"right/panda_leftfinger", "right/panda_rightfinger"}
     lines = [step.action for step in problem.task if isinstance(step.action, StraightLine)]
-    assert {line.frame for line in lines} == {"right/panda_hand_tcp"}
+    limits = [(step.kind, one) for step in problem.task for one in step.constraints]
+    assert {kind for kind, _ in limits} == {"approach", "gripper", "retreat"}
+    assert {one.frame for one in (*lines, *(one for _, one in limits))} == {"right/panda_hand_tcp"}
     assert {step.arm for step in problem.task} == {of.get("arm", "")}
+    still = {"arm": "right", "path_constraints": [slow]}
+    steps = op.Task().gripper("right/hand", [0.02], **still).dwell(0.1, **still)
+    assert {step.constraints[0].frame for step in problem.with_task(steps).task} == {"right/panda_hand_tcp"}
 
 
 def test_a_problem_with_a_tool_takes_up_a_pick():
@@ -168,6 +174,21 @@ def test_path_constraints_of_picks_and_places_hold_in_their_motions():
     with pytest.raises(InputError, match="did you mean 'path_constraints'") as caught:
         op.Problem("panda", "ready", task=data, scene=[cube])
     assert "option" not in str(caught.value)
+
+
+def test_path_constraints_on_the_object_hold_while_it_is_held():
+    level = "orientation: {frame: cube, axis: [0, 0, 1], toward: [0, 0, 1], within: 0.2}"
+    kept = f"\n    path_constraints:\n      - {level}\n      - tool_speed: {{linear: 1}}\n"
+    text = FILE.replace("mass: 0.2}\n", "mass: 0.2}" + kept).replace("[180, 0, 0]}}\n", "[180, 0, 0]}}" + kept)
+    found = [tuple(one.KEY for one in step.constraints) for step in read(text).task]
+    slow, both = ("tool_speed",), ("orientation", "tool_speed")
+    pick, place = [slow, slow, (), both, both], [both, both, both, (), slow]
+    assert found == [(), *pick, (), *place, ()]
+    with pytest.raises(InputError) as error:
+        read(text.replace("tool_speed: {linear", "tool_speed: {frame: nose, linear"))
+    assert {(issue.line, issue.found) for issue in error.value.issues} == {
+        (k, "unknown frame 'nose'") for k in (16, 21)
+    }
 
 
 def test_steps_of_python_take_an_arm():

@@ -159,17 +159,23 @@ def test_the_scene_later():
     assert scene.standing.obstacles == ()
 
 
-@pytest.mark.parametrize("name", ["obstacle 0 row 1", "carriage y"])
-def test_joints_may_have_any_names(tmp_path, name):
+@pytest.mark.parametrize(
+    ("name", "follower"), [("obstacle 0 row 1", "f"), ("carriage y", "f"), ("slide", "carriage y")]
+)
+def test_joints_may_have_any_names(tmp_path, name, follower):
     """The proof adds joints that carry what moves, and those that carry the robot where the frame of a line moves."""
     ends = '<parent link="base"/><child link="slide"/><limit lower="-1" upper="1" effort="1" velocity="1"/>'
     body = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
     links = f'<link name="base"/><link name="slide">{body}</link>'
     (tmp_path / "own.urdf").write_text(
-        f'<robot name="own">{links}<joint name="{name}" type="prismatic">{ends}</joint></robot>'
+        f'<robot name="own">{links}<joint name="{name}" type="prismatic">{ends}</joint>'
+        f'<link name="end"/><joint name="{follower}" type="prismatic"><mimic joint="{name}"/>'
+        f"{ends.replace('slide', 'end').replace('base', 'slide')}</joint></robot>"
     )
     moving = op.Sphere("ball", 0.1, position=(3.0, 0.0, 0.0)).moving([[0.0, 0.1], [0.0], [0.0]])
     problem = op.Problem(tmp_path / "own.urdf", [0.0], [0.0], scene=[moving])
     still = standstill(problem.robot.joint_names, problem.start, 1.0)
     assert verify(problem, still).verified
-    assert seen_from(still, moving.motion, 0.0).joint_names == on_carriage(problem, moving.motion).robot.joint_names
+    robot = on_carriage(problem, moving.motion).robot
+    seen = seen_from(still, moving.motion, 0.0, robot)
+    assert seen.joint_names == robot.joint_names

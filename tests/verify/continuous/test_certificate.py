@@ -280,7 +280,7 @@ def test_many_questions_are_answered_in_portions(panda, monkeypatch):
     trajectory = quintic(panda.joint_names, panda.configurations["ready"], panda.configurations["ready"] + 0.3, 1.0)
     scene = Scene((Obstacle("ball", Sphere(0.05), pin.SE3(np.eye(3), np.array([0.3, 0.5, 0.6]))),))
     whole = certify(CollisionModel(panda, scene), trajectory, VerifyPolicy())
-    monkeypatch.setattr("optiplan.verify.continuous.certificate._MOST_ITEMS", 10)
+    monkeypatch.setattr("optiplan.verify.continuous.certificate.MOST_AT_ONCE", 10)
     portions = certify(CollisionModel(panda, scene), trajectory, VerifyPolicy())
     assert whole.proved
     assert portions.proved
