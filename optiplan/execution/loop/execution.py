@@ -321,12 +321,11 @@ class Execution:
         endless, turn = self._executor.run.problem.robot.endless, 2.0 * np.pi
         turns = np.where(endless, turn * np.round(np.nan_to_num((q - start) / turn, posinf=0.0, neginf=0.0)), 0.0)
         off = np.nan_to_num(np.abs(q - turns - start), nan=np.inf)
-        over = np.abs(begins.v) / rest_rates(self._executor.run)[0]
-        worst, fastest = int(off.argmax()), int(over.argmax())
-        if off[worst] > AT_START:
+        if off[worst := int(off.argmax())] > AT_START:
             where = f"{names[worst]} is at {q[worst] - turns[worst]:.4f}, where {start[worst]:.4f} is expected"
             raise DriverError(f"the robot does not stand where the motion begins: {where}; move it there first")
-        if over[fastest] > 1.0:
+        over = np.abs(begins.v) / rest_rates(self._executor.run)[0]
+        if over[fastest := int(over.argmax())] > 1.0:
             speed = f"{names[fastest]} at {begins.v[fastest]:.4g} rad/s or m/s"
             raise DriverError(f"the motion begins with {speed}, and the robot stands; expected one from rest")
         self._loop.turns = turns if turns.any() else None
