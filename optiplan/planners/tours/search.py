@@ -340,7 +340,9 @@ class TourSearch:
             arrival = now + (0.0 if motion is None else motion.duration)
             if arrival > high:
                 name = self.tour.targets[target].name
-                words = f"'{name}' is reached at {arrival:.4g} s of the tour, after its window, which ends at {high:g} s"
+                words = (
+                    f"'{name}' is reached at {arrival:.4g} s of the tour, after its window, which ends at {high:g} s"
+                )
                 self.failure = Failure("no-path", words)
                 return
             if arrival < low:
