@@ -140,3 +140,16 @@ def test_a_job_that_only_some_arms_can_do_says_why():
     assert "jobs[0].steps[1].attach.link" in found.measured.unable["b", 0]
     with pytest.raises(op.InputError, match="b/tip"):
         op.assign({**file, "jobs": [{**jobs[0], "arms": ["b"]}]})
+
+
+def test_why_a_schedule_makes_no_problem_is_said():
+    """Alone, each arm could do it: what hangs at the other one's tip is where it was."""
+    steps = [{**step, "attach": {"object": "ball", "link": "a/tip"}} if "attach" in step else step for step in BRING]
+    jobs = [
+        {"name": "of a", "steps": [{"move": {"joints": [1.0, 0.5]}}], "arms": ["a"]},
+        {"name": "of b", "steps": steps, "arms": ["b"]},
+    ]
+    found = op.assign({**FILE, "scene": {"obstacles": [BALL]}, "jobs": jobs}, budget=30.0)
+    assert found.best is None
+    assert "'a/tip', a link of a" in found.words
+    assert found.data["refused"]
