@@ -14,7 +14,6 @@ from optiplan.planners.tours.ladder import START, Choice, Ladder
 from optiplan.planners.tours.vertices import Layer
 from optiplan.problem.task.tour_order import precedence
 
-
 _MOST_DOUBLED = 900
 """Exponent of 2 above which a count of pairs only has to be a number: a power of it beyond 1023 is none."""
 
