@@ -11,6 +11,8 @@ from optiplan.collision.native_model import planning_model
 from optiplan.errors import described, wrong_argument
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.goal_ranking import goal_sampler
+from optiplan.planners.common.safety_ends import with_ends
+from optiplan.planners.common.tracking_tube import planned_in_tube
 from optiplan.problem.problem import Problem
 from optiplan.runs.run import Run
 from optiplan.trajectory.trajectory import Trajectory
@@ -25,13 +27,14 @@ _LOOKING = 5.0
 def casadi_problem(problem: Problem, guess: Run | Trajectory | None = None) -> "TrajectoryNlp":
     """Return the nonlinear program of planner `casadi`: variables, cost, rows and bounds, each with a name.
 
-    It holds limits, torques, path constraints, the objective and contacts, as in a step of the planner: distances are
-    linearised at the guess, within a trust region. `arguments(x)` linearises them at another point. The end of a pose
-    goal or region is free in it, that of any other goal is held; moving ends depend on the duration. The planner solves
-    it from many first curves, and adds samples where bodies touch between them.
+    It holds limits, torques, path constraints, the objective and contacts, as in a step of the planner, with the room
+    that the tracking error takes and the distances that a clearance asks for. Distances are linearised at the guess,
+    within a trust region; `arguments(x)` linearises them at another point. The end of a pose goal or region is free in
+    it, that of any other goal is held; moving ends depend on the duration. The planner solves it from many first
+    curves, and adds samples where bodies touch between them.
 
     Args:
-        problem: without task and vias: ask for one move.
+        problem: without task, vias and obstacles that move: ask for one move.
         guess: a motion of this problem, whose ends are kept; None: straight to the nearest goal configuration.
 
     Returns:
@@ -50,12 +53,17 @@ def casadi_problem(problem: Problem, guess: Run | Trajectory | None = None) -> "
     from optiplan.planners.trajopt.nonlinear.from_guess import nlp_along
 
     checked_problem(problem, "casadi_problem")
-    more = {"a task": problem.task, "via points": problem.vias}
+    more = {
+        "a task": problem.task,
+        "via points": problem.vias,
+        "obstacles that move": problem.scene.dynamic_obstacles,
+    }
     found = [words for words, there in more.items() if there]
     if found:
-        expected = "one move, without vias and task"
+        expected = "one move among obstacles that stand, without vias and task"
         raise wrong_argument("casadi_problem", "problem", f"a problem with {' and '.join(found)}", expected)
-    model = planning_model(problem.robot, problem.scene)
+    problem = with_ends(planned_in_tube(problem), Budget(_LOOKING))
+    model = planning_model(problem.robot, problem.scene, error=problem.tracking_error)
     first = np.array([problem.start, _goal(problem, model)]) if guess is None else _motion(problem, guess)
     return nlp_along(problem, model, first)
 

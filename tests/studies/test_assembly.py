@@ -23,7 +23,9 @@ BRING = [
 def random_durations(seed, jobs=5, arms=2):
     rng = np.random.default_rng(seed)
     work, travel = rng.uniform(0.5, 3.0, (arms, jobs)), rng.uniform(0.1, 1.0, (arms, jobs + 1, jobs))
-    work[rng.integers(arms), rng.integers(jobs)] = np.inf
+    for _ in range(1 + seed % 3):  # jobs for one arm alone
+        work[rng.integers(arms), rng.integers(jobs)] = np.inf
+    work[0, np.isinf(work).all(axis=0)] = 1.0
     after = tuple(tuple(i for i in range(k) if rng.random() < 0.25) for k in range(jobs))
     return Durations(work, travel, after)
 
@@ -46,7 +48,7 @@ def least_by_enumeration(durations):
     return best
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(8))
 def test_the_best_schedule_is_that_of_enumeration(seed):
     durations = random_durations(seed)
     search = ScheduleSearch(durations, 3, Budget(30.0))
@@ -63,6 +65,14 @@ def test_many_jobs_have_a_schedule_at_once():
     assert sorted(ends) == list(range(20))
     assert all(one.begin >= ends[k] for one in search.found[0].jobs for k in search.durations.after[one.job])
     assert search.found[0].makespan < 1.7 * search.durations.bound
+
+
+def test_a_long_job_of_an_arm_of_its_own_is_begun_in_time():
+    """Twelve jobs are for the first arm alone, one for the other: once the first has begun two, it has no turn."""
+    work = np.full((2, 13), np.inf)
+    work[0, :12], work[1, 12] = 2.0, 30.0
+    search = ScheduleSearch(Durations(work, np.zeros((2, 14, 13)), ((),) * 13), 4, Budget(0.0))
+    assert search.found[0].makespan == 30.0
 
 
 @pytest.fixture(scope="module")
@@ -130,3 +140,16 @@ def test_a_job_that_only_some_arms_can_do_says_why():
     assert "jobs[0].steps[1].attach.link" in found.measured.unable["b", 0]
     with pytest.raises(op.InputError, match="b/tip"):
         op.assign({**file, "jobs": [{**jobs[0], "arms": ["b"]}]})
+
+
+def test_why_a_schedule_makes_no_problem_is_said():
+    """Alone, each arm could do it: what hangs at the other one's tip is where it was."""
+    steps = [{**step, "attach": {"object": "ball", "link": "a/tip"}} if "attach" in step else step for step in BRING]
+    jobs = [
+        {"name": "of a", "steps": [{"move": {"joints": [1.0, 0.5]}}], "arms": ["a"]},
+        {"name": "of b", "steps": steps, "arms": ["b"]},
+    ]
+    found = op.assign({**FILE, "scene": {"obstacles": [BALL]}, "jobs": jobs}, budget=30.0)
+    assert found.best is None
+    assert "'a/tip', a link of a" in found.words
+    assert found.data["refused"]

@@ -85,6 +85,7 @@ class _AssignmentSearch:
         self.planned: list[Planned] = []
         self.one_arm: Planned | None = None
         self.exact = False
+        self.refused: list[str] = []
 
     def result(self) -> Assignment:
         """Search until all is done, the budget is spent, or Ctrl-C."""
@@ -92,7 +93,8 @@ class _AssignmentSearch:
             ended = "done" if self._run() else "budget"
         except KeyboardInterrupt:
             ended = "interrupted"
-        return Assignment(self.assembly, self.measured, tuple(self.planned), self.one_arm, self.exact, ended)
+        refused = tuple(dict.fromkeys(self.refused))
+        return Assignment(self.assembly, self.measured, tuple(self.planned), self.one_arm, self.exact, ended, refused)
 
     def _run(self) -> bool:
         """Return whether all was done."""
@@ -136,7 +138,8 @@ class _AssignmentSearch:
         arms = self.measured.arms
         try:
             problem, steps = self.assembly.whole([(one.job, arms[one.arm]) for one in schedule.jobs])
-        except InputError:
+        except InputError as error:
+            self.refused += [str(issue) for issue in error.issues]
             return None
         run = plan_within(problem, self.budget.share(share))
         return Planned(schedule, run, job_times(self.assembly, schedule, arms, steps, run))

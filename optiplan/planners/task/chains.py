@@ -90,7 +90,8 @@ def _do_all(stages: Stages, state: WorldState, steps: Sequence[TaskStep], budget
     done: list[PlannedStep] = []
     corner: Corner | None = None
     for step, after in zip_longest(steps, steps[1:]):
-        found = _do(stages, state, step, budget, _LineEnds(corner, None if after is None else after.action, rounded))
+        goes_on = after is not None and after.arm == step.arm and not after.waits
+        found = _do(stages, state, step, budget, _LineEnds(corner, after.action if goes_on else None, rounded))
         if isinstance(found, Failure):
             return Chain(tuple(done), of_step(found, step, state, stages.problem.robot))
         done.append(found)
@@ -100,7 +101,7 @@ def _do_all(stages: Stages, state: WorldState, steps: Sequence[TaskStep], budget
 
 @dataclass(frozen=True, eq=False)
 class _LineEnds:
-    """The corner in which a line begins, what follows it, and the share of its blend that is used."""
+    """The corner in which a line begins, what its arm goes on with, and the share of its blend that is used."""
 
     begins: Corner | None
     after: Action | None

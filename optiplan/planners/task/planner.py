@@ -29,6 +29,11 @@ from optiplan.problem.task.choices import choices_of
 _JOINING = 0.3
 """Share of the remaining time for joining curves; the rest is for optimising them together."""
 
+_STANDING, _DELAYING = 0.85, 0.5
+"""Where obstacles move: share of the time for planning among those that stand, and of what is left for delaying the
+steps as they are.
+"""
+
 _BESIDE = 0.3
 """Share of the time after joining that is kept for putting steps of several arms into time."""
 
@@ -69,14 +74,16 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
         return motion.duration
 
     still = without_dynamic_obstacles(moves.problem)
-    sections = SectionPlanner(still, planner, budget, progress, (lambda _: None) if waits else offer)
+    time = budget.share(_STANDING) if waits else budget
+    sections = SectionPlanner(still, planner, time, progress, (lambda _: None) if waits else offer)
     parts = sections.run(watch)
     if isinstance(parts, Failure):
         return PlanResult(None, moves.failure(parts), watch.seconds)
     info: dict[str, Any] = {"moves": sections.moves, **sections.info}
     if waits:
         with watch.stage("waiting"):
-            found = _wait_for_obstacles(moves, planner, parts, budget, progress)
+            found = _wait_for_obstacles(moves, planner, parts, incumbent, budget, progress)
+        info |= {"cut_short": info["cut_short"] or budget.over}
         return replace(found, timings=watch.seconds, info={**info, **found.info})
     info["duration_with_stops"] = offer(parts, in_a_row=True)
     with watch.stage("flow"):
@@ -148,18 +155,30 @@ def _timed_only(problem: Problem) -> bool:
 
 
 def _wait_for_obstacles(
-    moves: ViaMoves, planner: Planner[Any], parts: list[TaskPart], budget: Budget, progress: Progress
+    moves: ViaMoves,
+    planner: Planner[Any],
+    parts: list[TaskPart],
+    incumbent: Incumbent,
+    budget: Budget,
+    progress: Progress,
 ) -> PlanResult:
-    """Delay the joined steps until dynamic obstacles have passed; if that fails, delay them one by one."""
-    problem = moves.problem
-    groups = join_steps(parts, budget, progress, thorough=not _timed_only(problem))
-    failure: Failure | None = None
-    *_, together = _optimised(problem, planner, groups, budget, progress)
-    for way in (together, parts):
-        passed = waiting(problem, way, budget)
-        if not isinstance(passed, Failure):
+    """Delay the steps one by one until dynamic obstacles have passed; then join them, and delay what is joined."""
+    problem, info, began = moves.problem, dict[str, Any](), clock()
+
+    def offer(way: Sequence[TaskPart], time: Budget) -> Failure | None:
+        """Offer the motion of these parts, delayed; return why there is none."""
+        passed = waiting(problem, way, time)
+        if isinstance(passed, Failure):
+            return passed
+        if incumbent.offer(moves.motion(joined_parts(problem, passed))):
             waited = sum(b.duration - a.duration for a, b in zip(way, passed, strict=True))
-            motion = moves.motion(joined_parts(problem, passed))
-            return PlanResult(motion, None, {}, {"waited": waited, "stops": stops_of(passed)})
-        failure = passed
-    return PlanResult(None, moves.failure(failure))
+            info.update(waited=waited, stops=stops_of(passed))
+        return None
+
+    failure = offer(parts, budget.share(_DELAYING))
+    time = budget.leaving(clock() - began)  # what is joined takes as long to delay
+    groups = join_steps(parts, time.share(_JOINING), progress, thorough=not _timed_only(problem))
+    *_, together = _optimised(problem, planner, groups, time, progress)
+    late = offer(together, budget)
+    failure = late if failure is not None and failure.kind == "budget" else failure
+    return incumbent.result(info, moves.failure(failure))

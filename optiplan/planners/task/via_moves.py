@@ -101,9 +101,10 @@ def unsupported(problem: Problem, planner: Planner[Any]) -> Failure | None:
 
 
 def _moves(step: TaskStep) -> Sequence[TaskStep]:
-    """Return a step as moves to each of its vias and to its goal."""
+    """Return a step as moves to each of its vias and to its goal; the first one waits for other arms, if it does."""
     action = step.action
     if not isinstance(action, Move):
         return [step]
     ends = [*(via.goal for via in action.vias), action.goal]
-    return [replace(step, action=Move(action.joints, end)) for end in ends]
+    moves = [replace(step, action=Move(action.joints, end)) for end in ends]
+    return [moves[0], *(replace(one, waits=()) for one in moves[1:])]

@@ -14,10 +14,13 @@ from optiplan.planners.tours.ladder import START, Choice, Ladder
 from optiplan.planners.tours.vertices import Layer
 from optiplan.problem.task.tour_order import precedence
 
+_MOST_DOUBLED = 900
+"""Exponent of 2 above which a count of pairs only has to be a number: a power of it beyond 1023 is none."""
+
 
 def work_of(layers: Sequence[Layer]) -> float:
     """Return about how many pairs of configurations are compared: 2^(m - 2) (sum of all configurations)²."""
-    return float(2.0 ** (len(layers) - 2) * sum(len(layer.Q) for layer in layers) ** 2)
+    return float(2.0 ** min(len(layers) - 2, _MOST_DOUBLED) * sum(len(layer.Q) for layer in layers) ** 2)
 
 
 def best_tour(ladder: Ladder, layers: Sequence[Layer]) -> Choice | None:

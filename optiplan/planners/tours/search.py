@@ -102,7 +102,7 @@ class TourSearch:
         best: of those planned so far.
         exact: pairs of configurations up to which the best order is found by comparing all.
         rounds: done so far.
-        failure: of the last tour whose legs could not all be planned.
+        failure: of the last tour whose legs could not all be planned, or are late.
         settling: rounds of dynamic programming in which straight motions that are not free are left, at most.
     """
 
@@ -330,7 +330,7 @@ class TourSearch:
         return surprised
 
     def _keep(self, choice: Choice) -> None:
-        """Keep a tour of which all legs are planned, if it is the best."""
+        """Keep a tour of which all legs are planned, if it is the best; one that is late is a failure."""
         legs: list[Trajectory | None] = []
         now = 0.0
         for (_, target), numbers, a, b in self._ways(choice):
@@ -339,6 +339,11 @@ class TourSearch:
             low, high = (0.0, np.inf) if target == START else self.tour.targets[target].window
             arrival = now + (0.0 if motion is None else motion.duration)
             if arrival > high:
+                name = self.tour.targets[target].name
+                words = (
+                    f"'{name}' is reached at {arrival:.4g} s of the tour, after its window, which ends at {high:g} s"
+                )
+                self.failure = Failure("no-path", words)
                 return
             if arrival < low:
                 names = self.problem.robot.joint_names

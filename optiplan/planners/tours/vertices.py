@@ -1,6 +1,6 @@
 """Vertices of a tour: configurations that put the tool at its targets, free and within limits."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import cycle
@@ -21,6 +21,7 @@ from optiplan.planners.tours.carrier import Carrier
 from optiplan.planners.tours.travel_times import TravelTimes
 from optiplan.problem.goals import GoalOptions, GoalSet, goal_configurations
 from optiplan.problem.problem import Problem, derived
+from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.sampling import RegionSampler
 from optiplan.problem.task.steps import TargetTour
 from optiplan.robot.frames import frame_pose
@@ -39,6 +40,9 @@ _NEAR = 0.5
 
 _NAMED = 8
 """Targets out of reach that a failure describes; it names all."""
+
+_WIDE = np.repeat([0.01, 0.1], 3)
+"""m and rad from the middle of a target, beyond which the middle does not stand for it."""
 
 _TURN = 2.0 * np.pi
 
@@ -90,8 +94,18 @@ class Vertices:
         return self._failure(refused) if refused else [self.layer(Q) for Q in found]
 
     def candidates(self, turns: int, budget: Budget, starts: int = _STARTS) -> list[Array]:
-        """Return free configurations (k, n) of every target; none where none was found by so many descents."""
-        return self._at_turns(turns) if self._closed else self._descended(budget, starts)
+        """Return free configurations (k, n) of every target; none where none was found by so many descents.
+
+        The closed form is of the middle of a target; all over a wide one there are descents besides.
+        """
+        if self._closed is None:
+            return self._descended(range(len(self.goals)), budget, starts)
+        found = self._at_turns(turns)
+        wide = [k for k, goal in enumerate(self.goals) if _is_wide(goal)]
+        for k, Q in zip(wide, self._descended(wide, budget, starts), strict=True):
+            inside = (self.goals[k].low <= 0.0).all() and (self.goals[k].high >= 0.0).all()
+            found[k] = np.concatenate([found[k], Q]) if inside else Q
+        return found
 
     def near(self, chosen: Array, before: Array, after: Array, step: float) -> list[Layer]:
         """Return further free configurations near the chosen ones, for each of the m targets.
@@ -202,12 +216,12 @@ class Vertices:
     def _free(self, found: list[Array]) -> list[Array]:
         return [Q[[not self.check.blocked(q) for q in Q]] if len(Q) else Q for Q in found]
 
-    def _descended(self, budget: Budget, starts: int) -> list[Array]:
-        """Return configurations of every target by descents: from the start, those of its neighbours, and random."""
+    def _descended(self, targets: Iterable[int], budget: Budget, starts: int) -> list[Array]:
+        """Return configurations of targets by descents: from the start, those of the one before, and random."""
         robot = self.problem.robot
         found: list[Array] = []
         own = [self.problem.start, *robot.configurations.values()]
-        for k in range(len(self.goals)):
+        for k in targets:
             random = list(random_seeds(robot, self.problem.start, self._rng, starts))
             for seed, u in zip(random, cycle(self._positions), strict=False):
                 seed[self._carrier.own] = u
@@ -257,3 +271,10 @@ class Vertices:
         first = next(iter(refused.values())).witness
         kind: FailureKind = "goal-in-collision" if every else "goal-unreachable"
         return Failure(kind, detail, {**({"q": first["q"]} if "q" in first else {}), "targets": told})
+
+
+def _is_wide(goal: RegionGoal) -> bool:
+    """Whether a target is more than its middle and turns about one axis."""
+    beyond = np.maximum(-goal.low, goal.high) > _WIDE
+    beyond[[3 + axis for axis in goal.free[:1]]] = False
+    return bool(beyond.any())

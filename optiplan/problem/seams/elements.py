@@ -41,12 +41,14 @@ class Element:
         parts: equal parts in u that are about as long, each nearly straight.
         uniform: length, m, where |dp/du| is constant and the part may be cut; 0 elsewhere.
         point: number of the given point where it ends.
+        corner: whether it rounds the corner at that point, which is its middle then.
     """
 
     state: Callable[[Array], Array]
     parts: int
     uniform: float
     point: int
+    corner: bool = False
 
     def cut(self, begin: float, end: float) -> "Element":
         """Return the part from one parameter to another."""
@@ -155,7 +157,7 @@ def _blend(a: Array, b: Array, speed: float, point: int) -> Element:
             own = own[1:] * np.arange(1, len(own))[:, None]
         return np.stack(found)
 
-    return Element(state, _BLEND_PARTS, 0.0, point)
+    return Element(state, _BLEND_PARTS, 0.0, point, corner=True)
 
 
 def spline(points: Array, parts: int = _SPAN_PARTS) -> list[Element]:
@@ -230,8 +232,7 @@ def knots_of(elements: Sequence[Element], corners: Sequence[int], count: int) ->
         states = np.stack([p, *_by_length(d, dd)], axis=1)
         begins.append(states[:-1])
         ends.append(states[1:])
-        blended = one.uniform == 0.0 and k + 1 < len(elements) and elements[k + 1].point != one.point
-        reached[one.point] = 0.5 * (since + s[-1]) if blended and one.parts == _BLEND_PARTS else s[-1]
+        reached[one.point] = 0.5 * (since + s[-1]) if one.corner else s[-1]
         if k in corners:
             stops.append(s[-1])
     given = np.array([reached[k] for k in range(count)])

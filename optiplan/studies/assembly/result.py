@@ -50,6 +50,7 @@ class Assignment:
         one_arm: the best schedule of one arm alone, planned; None: no arm can do all jobs, or it was not planned.
         exact: whether no schedule is shorter than the first one, for the durations measured.
         ended: `done`, `budget` or `interrupted`.
+        refused: why schedules made no problem, such as a job that takes what another arm still holds.
     """
 
     assembly: Assembly
@@ -58,6 +59,7 @@ class Assignment:
     one_arm: Planned | None
     exact: bool
     ended: str
+    refused: tuple[str, ...] = ()
 
     @property
     def best(self) -> Planned | None:
@@ -109,7 +111,8 @@ class Assignment:
             )
             return f"no arm was found to do: {', '.join(reasons)}"
         if self.best is None:
-            return "no schedule was verified" + (", since it was interrupted" if self.ended == "interrupted" else "")
+            why = ", since it was interrupted" if self.ended == "interrupted" else ""
+            return f"no schedule was verified{why}" + "".join(f"; one makes no problem: {one}" for one in self.refused)
         alone = self.one_arm
         if alone is None:
             beside = "no arm alone was planned" if self._one_can else "no arm can do all jobs alone"
@@ -139,6 +142,7 @@ class Assignment:
             "exact": self.exact,
             "ended": self.ended,
             "impossible": self.impossible,
+            "refused": list(self.refused),
             "unable": [] if self.measured is None else self._unable,
             "planned": [
                 {

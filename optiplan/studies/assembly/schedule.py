@@ -110,8 +110,18 @@ class ScheduleSearch:
         self.found: list[Schedule] = []
         arms, _ = durations.work.shape
         start = _Partial((), {}, (0.0,) * arms, (-1,) * arms, durations.bound)
+        self._list(start)
         self._beam(start)
         self.exact = self._branch(start, budget)
+
+    def _list(self, state: _Partial) -> None:
+        """Offer the schedule in which what can begin first begins, of that what takes longest with all that follows."""
+        tails = self.durations.tails
+        while children := list(self._children(state)):
+            rows = [(one.jobs[-1].begin, one.jobs[-1].arm, -tails[one.jobs[-1].job]) for one in children]
+            state = children[rows.index(min(rows))]
+        if len(state.jobs) == len(tails):
+            self._offer(state)
 
     def _beam(self, start: _Partial) -> None:
         level = [start]
@@ -138,15 +148,31 @@ class ScheduleSearch:
         return True
 
     def _children(self, state: _Partial) -> Iterator[_Partial]:
-        """Yield a schedule with each job and arm that can be next; beginnings do not fall."""
-        durations = self.durations
+        """Yield a schedule with each job and arm that can be next; beginnings do not fall.
+
+        There is none where a job is left out for good: it and all others that are ready for its arms could only begin
+        sooner than the last one, so these arms do nothing any more.
+        """
+        durations, arms = self.durations, range(len(state.free))
         since = (state.jobs[-1].begin, state.jobs[-1].arm) if state.jobs else (0.0, -1)
-        for job, before in enumerate(durations.after):
-            if job in state.ends or not all(k in state.ends for k in before):
-                continue
-            ready = max((state.ends[k] for k in before), default=0.0)
-            for arm in range(len(state.free)):
-                begin = max(ready, state.free[arm])
+        left = [job for job in range(len(durations.after)) if job not in state.ends]
+        ready = {
+            job: max((state.ends[k] for k in durations.after[job]), default=0.0)
+            for job in left
+            if all(k in state.ends for k in durations.after[job])
+        }
+        able = {job: [arm for arm in arms if np.isfinite(durations.work[arm, job])] for job in left}
+        going = {
+            arm
+            for job in left
+            for arm in able[job]
+            if job not in ready or (max(ready[job], state.free[arm]), arm) >= since
+        }
+        if not all(going.intersection(able[job]) for job in left):
+            return
+        for job in ready:
+            for arm in able[job]:
+                begin = max(ready[job], state.free[arm])
                 end = begin + float(durations.travel[arm, state.last[arm], job] + durations.work[arm, job])
                 if not np.isfinite(end) or (begin, arm) < since:
                     continue

@@ -267,14 +267,23 @@ def _wrong_jobs(document: Document, jobs: Sequence[JobSpec], side_by_side: bool)
 
 
 def _check_arms(assembly: Assembly) -> None:
-    """Refuse arms that are no groups of the robot, and what is wrong with the rest of the problem."""
-    groups = list(assembly._problem(_PlacedSteps([{"dwell": 1.0}], [("jobs",)])).robot.groups)
+    """Refuse arms that are no groups of the robot or share joints, and what is wrong with the rest of the problem."""
+    known = assembly._problem(_PlacedSteps([{"dwell": 1.0}], [("jobs",)])).robot.groups
+    groups = list(known)
     issues = [
         assembly.document.issue(("jobs", job.number, "arms"), f"'{arm}', no group of the robot", choices(arm, groups))
         for job in assembly.jobs
         for arm in job.arms
         if arm not in groups
     ]
+    if issues:
+        raise InputError(issues)
+    for k, arm in enumerate(assembly.arms):
+        for other in assembly.arms[:k]:
+            if shared := [name for name in known[arm] if name in known[other]]:
+                number = next(job.number for job in assembly.jobs if arm in job.arms)
+                found = f"'{arm}', which moves {shared[0]} as '{other}' does"
+                issues.append(assembly.document.issue(("jobs", number, "arms"), found, "arms with joints of their own"))
     if issues:
         raise InputError(issues)
 

@@ -7,7 +7,12 @@ import pytest
 
 import optiplan as op
 from optiplan.collision.model import CollisionModel
+from optiplan.planners.base import Budget
+from optiplan.planners.registry import make_planner
 from optiplan.planners.task.beside import one_after_another
+from optiplan.planners.task.chains import do_chain
+from optiplan.planners.task.stages import Stages, WorldState
+from optiplan.planners.task.via_moves import ViaMoves
 from optiplan.problem.load import load_problem
 from optiplan.problem.task.timeline import scene_parts
 from optiplan.runs.common_bound import duration_bound
@@ -105,6 +110,32 @@ def test_an_arm_comes_nearer_at_its_ends_whatever_the_other_does():
     assert asked.duration == pytest.approx(plain.duration, rel=0.02)
     first, other = (next(one for one in asked.trajectory.segments if one.step == k) for k in (1, 3))
     assert other.begin < first.end < other.end
+
+
+def test_a_step_past_vias_waits_once():
+    past = op.JointGoal([0.4, 0.4])
+    task = op.Task().move([1.0, 0.5], arm="a", name="put").move([0.2, 0.9], arm="b", wait_for="put", vias=[past, past])
+    problem = op.Problem(op.Robot.side_by_side(ARMS), "ready", task=task)
+    moves = ViaMoves.of(problem, make_planner("trajopt", {})).problem.task
+    assert [step.waits for step in moves] == [(), (1,), (), ()]
+
+
+def test_a_corner_leads_to_the_next_line_of_the_same_arm():
+    """The second line of arm a has a blend, but the third waits: what follows it in the row is a line of arm b."""
+    arms = {"a": "ur5", "b": {"use": "ur5", "base": op.Pose((0, 2.0, 0))}}
+    task = (
+        op.Task()
+        .line(by=(0, 0, 0.1), arm="a", blend=0.02)
+        .line(by=(0.1, 0, 0), arm="a", name="over")
+        .line(by=(0, 0, 0.1), arm="b", name="up")
+        .line(by=(0, 0, 0.1), arm="a", blend=0.02)
+        .line(by=(0, 0.1, 0), arm="a", wait_for="up")
+    )
+    problem = one_after_another(op.Problem(op.Robot.side_by_side(arms), "ready", task=task))
+    assert [step.number for step in problem.task] == [1, 2, 4, 3, 5]
+    chain = do_chain(Stages(problem), WorldState(problem.start, problem.scene), problem.task, Budget(60.0))
+    assert chain.failure is None
+    assert [one.corner is not None for one in chain.steps] == [True, False, False, False, False]
 
 
 def test_run_and_problem_are_read_again(run, tmp_path):

@@ -9,6 +9,7 @@ from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.planners.base import Budget
 from optiplan.planners.cartesian.tool_path import line
 from optiplan.planners.task.planned_steps import Pause, PlannedStep
+from optiplan.planners.task.rides import riding
 from optiplan.planners.task.rides.ride_path import RidePath, RideSection
 from optiplan.planners.task.rides.riding import free_in_time
 from optiplan.planners.task.stages import WorldState
@@ -93,6 +94,34 @@ def test_waits_that_are_over_and_events_alone_take_no_time(steps, ends):
     run = op.plan(op.Problem("panda", "ready", task=task, scene=[cart, cube]), budget=60.0)
     assert run.verified, run.failure or run.report.failures
     assert [one.end for one in run.trajectory.segments] == pytest.approx(ends, abs=1e-4)
+
+
+def test_a_condition_that_no_longer_holds_when_the_arm_is_there_is_named():
+    """A problem with a condition that holds at first can be read; the arm is there at 0.5 s at the earliest."""
+    cart = op.Box("cart", size=(0.1, 0.1, 0.1), position=(0.5, -0.8, 0.1)).moving([[0], [0, 0.1], [0]])
+    task = op.Task().move(op.JointGoal([0.9, -0.785, 0, -2.356, 0, 1.571, 0.785])).wait_until("cart.y < -0.79")
+    before = op.plan(op.Problem("panda", "ready", task=task, scene=[cart]), budget=60.0)
+    along = on_belt()
+    along["task"].insert(3, {"wait_until": "belt.y < -0.5"})
+    for run, step in ((before, 2), (op.plan(problem_from_dict(along), budget=60.0), 4)):
+        assert run.failure.kind == "no-path", run.failure
+        assert "y < -0." in run.failure.detail
+        assert "does not hold at" in run.failure.detail
+        assert run.failure.witness["step"] == step
+
+
+def test_torques_that_a_slower_pace_keeps_are_kept(monkeypatch):
+    """The first pace is said to take too much torque at all times and places."""
+    known, durations = riding.first_within_limits, []
+
+    def first_within_limits(problem, motions):
+        (motion,) = motions
+        durations.append(motion.duration)
+        return known(problem, [motion]) if motion.duration > 1.2 * durations[0] else None
+
+    monkeypatch.setattr(riding, "first_within_limits", first_within_limits)
+    run = op.plan(problem_from_dict(on_belt(0.1, -0.3)), budget=60.0)
+    assert run.verified, run.failure or run.report.failures
 
 
 def test_a_move_that_only_meets_something_is_followed_by_another():

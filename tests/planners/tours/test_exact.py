@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from optiplan.planners.tours.exact import best_tour
+from optiplan.planners.tours.exact import best_tour, work_of
 from optiplan.planners.tours.order import OrderSearch
 from tests.planners.tours.layers import best_of_all, ladder_of, random_layers, seconds_of
 
@@ -52,3 +52,8 @@ def test_legs_that_are_known_count_as_they_are():
     assert 100.0 < ladder.cheapest(layers, (0, 1)).seconds < 110.0
     assert ladder.between_targets(straight)[1, 2] == 100.0
     assert (ladder.relaxed(layers, straight) <= ladder.times.between(straight.Q, straight.Q)[0, 1] + 100.0).all()
+
+
+def test_the_work_of_thousands_of_targets_is_a_number():
+    assert work_of(random_layers(4, 3, 1)) == 4.0 * 12**2
+    assert work_of(random_layers(2000, 1, 1)) > 1e200

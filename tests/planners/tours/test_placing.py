@@ -32,6 +32,17 @@ def test_places_out_of_reach_are_counted(problem):
     assert PlaceScore(wall, Budget(60.0)).at(np.array([0.0, -0.8, 0.0, 0.0]))[0] == 4  # the start is not free
 
 
+@pytest.mark.parametrize("along", [(-0.3, 0.3), (0.2, 0.3)])
+def test_a_wide_region_is_more_than_its_middle(along):
+    """Something stands in the middle, or that is no part of it."""
+    ball = op.Sphere("ball", radius=0.08, position=(0.5, 0.0, 0.3))
+    goal = op.Region((0.5, 0.0, 0.3), rpy=(np.pi, 0, 0), along={"y": along}, about={"z": "free"})
+    score = PlaceScore(op.Problem("ur5", "ready", goal, scene=[ball]), Budget(60.0))
+    missing, seconds = score.at(np.zeros(4))
+    assert missing == 0
+    assert np.isfinite(seconds)
+
+
 def test_the_search_is_no_worse_than_its_map_and_the_given_base(problem):
     where = PlaceRange(0.2, 0.2, yaw=0.0, points=3)
     scores = search_places(problem, where, Budget(60.0), lambda stage, fraction: None)

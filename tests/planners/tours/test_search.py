@@ -181,6 +181,16 @@ def test_a_leg_without_time_left_is_told_as_that(problem):
     assert failure.detail.startswith("the budget of 0 s ended while planning this motion")
 
 
+def test_a_target_that_is_reached_after_its_window_is_named(monkeypatch):
+    """Its leg takes three times as long as it counted; there is time left."""
+    target = {"name": "hole", "position": PLACES[0], "axis": [1, 0, 0], "window": [0.0, 2.0]}
+    straight = TourLegs._straight_motion
+    monkeypatch.setattr(TourLegs, "_straight_motion", lambda *args: straight(*args).scaled(6.0))
+    found = plan_with(op.Problem("ur5", "ready", task=op.Tour([target])), "trajopt", {}, Budget(60.0), Told())
+    assert found.failure.kind == "no-path"
+    assert "'hole' is reached at 6 s of the tour, after its window, which ends at 2 s" in found.failure.detail
+
+
 def test_a_leg_of_an_endless_joint_ends_at_the_stated_turn():
     """The next one begins there, not at the image that is nearer."""
     arm = derived(cases.endless(), start=np.zeros(2))

@@ -5,6 +5,7 @@ import pytest
 
 from optiplan.problem.seams.building import SeamShape
 from optiplan.problem.seams.curve import SeamCurve
+from optiplan.problem.seams.elements import knots_of
 
 SQUARE = np.array([[0.0, 0, 0], [0.3, 0, 0], [0.3, 0.2, 0], [0.0, 0.2, 0.1]])
 DOWN = np.array([0.0, 0, -1])
@@ -98,6 +99,19 @@ def test_a_spline_is_that_of_its_points():
         along = dense[k + 1] - dense[k - 1]
         assert np.linalg.norm(np.cross(one - dense[k], along)) / np.linalg.norm(along) < 1e-6
     assert min(np.linalg.norm(curve.points(samples(curve, 30_001)) - SQUARE[1], axis=1)) < 2e-5
+
+
+@pytest.mark.parametrize("degrees", [60, 72, 75, 78, 81, 90])
+def test_axes_of_a_spline_are_those_of_its_points_however_round_it_is(degrees):
+    """Rounded corners have their axes in their middle; a span that turns as much has them at its ends."""
+    angles = np.radians(degrees) * np.arange(8)
+    points = np.stack([0.2 * np.cos(angles), 0.2 * np.sin(angles), 0.05 * angles], axis=1)
+    axes = np.stack([0.4 * np.sin(angles), 0.4 * np.cos(3.0 * angles), np.full(8, -1.0)], axis=1)
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    one = shape(points, smooth=True, axes=axes)
+    curve, given = one.curve(), knots_of(*one.elements(), len(points)).given
+    assert np.abs(curve.points(given) - points).max() < 1e-9
+    assert np.abs(curve.directions(given) - axes).max() < 1e-3
 
 
 def test_lead_and_side_tilt_the_axis_by_their_angles():

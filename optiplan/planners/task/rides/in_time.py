@@ -153,6 +153,8 @@ class TaskInTime:
 
     def _wait(self, step: TaskStep, action: WaitUntil, state: WorldState, t: float) -> TimedPart | Failure:
         lasts = until_end(action, t)
+        if isinstance(lasts, Failure):
+            return of_step(lasts, step, state, self.problem.robot)
         own = Segment(step.number, step.kind, step.name, 0.0, lasts, *object_and_link(PlannedStep(step, state, state)))
         if lasts == 0.0:
             return TimedPart(None, (own,), state)

@@ -23,7 +23,7 @@ from optiplan.planners.task.planned_steps import PlannedStep, object_and_link
 from optiplan.planners.task.rides.ride_path import PEAK_ACCELERATION, PEAK_SPEED, RidePath, RideSection
 from optiplan.planners.task.stages import Stage, Stages, WorldState
 from optiplan.problem.problem import JointGoal, Problem, derived
-from optiplan.problem.task.rides import Ride, WaitUntil
+from optiplan.problem.task.rides import LONGEST, Ride, WaitUntil
 from optiplan.problem.task.scene_change import carrying, columns, scene_after, scene_during
 from optiplan.problem.task.steps import Dwell, Event, Move, StraightLine, TaskStep
 from optiplan.robot.frames import frame_pose
@@ -124,8 +124,10 @@ class Rider:
         begin = motion.pose(t).actInv(frame_pose(carrying(robot, state.scene), state.q, self.ride.frame))
         rows, sections, X, now, q = list[_Row](), list[RideSection](), begin, t, np.array(state.q)
         for step in self.steps:
-            row, section = self._row(step, now, q), None
-            action = step.action
+            found, section = self._row(step, now, q), None
+            if isinstance(found, Failure):
+                return of_step(found, step, state, robot)
+            row, action = found, step.action
             if isinstance(action, StraightLine):
                 path = line(X, line_end(action, X))
                 row = _Row(step, _time_of(path.length, path.angle, action.speed) * slower)
@@ -150,12 +152,13 @@ class Rider:
             return of_step(self._too_fast(stage.problem, kept, timed), self._step_when(rows, kept), state, robot, stage)
         return self._in_scenes(state, t, rows, timed)
 
-    def _row(self, step: TaskStep, now: float, q: Array) -> _Row:
+    def _row(self, step: TaskStep, now: float, q: Array) -> _Row | Failure:
         action = step.action
         if isinstance(action, Dwell):
             return _Row(step, action.seconds)
         if isinstance(action, WaitUntil):
-            return _Row(step, until_end(action, now))
+            lasts = until_end(action, now)
+            return lasts if isinstance(lasts, Failure) else _Row(step, lasts)
         if isinstance(action, Move):
             own, goal = columns(self.problem.robot, action.joints), action.goal[0]
             assert isinstance(goal, JointGoal)
@@ -203,7 +206,8 @@ class Rider:
     def _too_fast(self, problem: Problem, over: Excess | None, timed: Trajectory) -> Failure:
         name = self.ride.mover.name
         if over is None:
-            return Failure("limits", f"'{name}' moves faster than the arm can: torques pass their limits")
+            detail = f"'{name}' moves faster than the arm can: torques pass their limits"
+            return Failure("limits", detail, {"q": timed.start.tolist(), "quantity": "torque"})
         joint = problem.robot.joint_names[over.joint]
         reached = (
             f"'{joint}' would reach {over.quantity} {over.value:.4g} {problem.robot.unit(over.quantity, over.joint)}"
@@ -261,10 +265,13 @@ class Rider:
         return beside_each_other(moving, robot.joint_names)
 
 
-def until_end(action: WaitUntil, t: float) -> float:
-    """Return how long is waited from time t, s, on: 0 where the condition holds."""
+def until_end(action: WaitUntil, t: float) -> float | Failure:
+    """Return how long is waited from time t, s, on: 0 where the condition holds; else why there is no end of it."""
     until = action.first(t)
-    return 0.0 if until is None or until <= t else until - t + _AFTER
+    if until is None:
+        detail = f"'{action.words}' does not hold at {t:.4g} s, when the arm is there, nor within {LONGEST:g} s after"
+        return Failure("no-path", detail, {"t": t})
+    return 0.0 if until <= t else until - t + _AFTER
 
 
 def free_in_time(

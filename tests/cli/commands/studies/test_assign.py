@@ -61,6 +61,7 @@ def test_json_of_a_job_that_no_arm_can_do(optiplan_json, assembly):
         ("after: [one]", "after: [two]", "'two', no name of another job"),
         ("name: two", "name: one", ":9: jobs[1].name: 'one', the name of job 1 too"),
         ("arms: [a]", "arms: [c]", ":10: jobs[2].arms: 'c', no group of the robot; expected one of:"),
+        ("arms: [a]", "arms: [all]", ":10: jobs[2].arms: 'all', which moves a/"),
         ("arms: [a]", "arm: [a]", "did you mean 'arms'?"),
         ("[-0.5, 0.9]", "[-0.5]", ":10: jobs[2].steps[0].move.joints"),
         ("{dwell: 0.2}", "{dwell: 0.2, arm: b}", ":8: jobs[0].steps[1].arm: 'b' in a step of a job"),

@@ -1,9 +1,14 @@
 """A task among obstacles that move: its steps let them pass, and the proof knows where they are when."""
 
+import threading
+
 import pinocchio as pin
 import pytest
 
 import optiplan as op
+from optiplan.planners.base import Budget
+from optiplan.planners.task import planner
+from optiplan.runs.pipeline import run
 
 AWAY = [0.9, -0.3, 0.0, -2.2, 0.0, 1.9, 0.8]
 STEPS = [{"move": {"joints": AWAY}}, {"dwell": 0.2}, {"move": {"configuration": "ready"}}]
@@ -46,6 +51,20 @@ def test_a_motion_that_does_not_wait_is_refused_with_the_time(met, alone):
     assert [check.name for check in refused] == ["collision"]
     assert 0.0 < refused[0].time < alone.duration
     assert "ball" in refused[0].place
+
+
+def test_steps_that_are_not_joined_yet_wait(met, monkeypatch):
+    """The search is cancelled while steps are joined: what was delayed before is the answer."""
+    cancel, join = threading.Event(), planner.join_steps
+
+    def join_steps(*args, **keys):
+        cancel.set()
+        return join(*args, **keys)
+
+    monkeypatch.setattr(planner, "join_steps", join_steps)
+    found = run(met.problem, "trajopt", {}, Budget(60.0, cancel), lambda stage, fraction: None)
+    assert found.verified, (found.failure, found.report)
+    assert found.info["waited"] > 0.0
 
 
 def test_the_proof_is_about_the_time_of_each_step(alone):

@@ -45,6 +45,7 @@ def test_the_planners_motion_holds_its_rows(run):
     assert next(iter(nlp.violations(slow))).startswith("jerk of ")
 
 
+BALL = op.Sphere("ball", radius=0.1, position=(0, 3.0, 0))
 LIGHT = ("jerk", "energy", "tool_smoothness", "tool_path", "joint_path", "manipulability", "centring")
 
 
@@ -87,6 +88,14 @@ def test_derivatives_are_those_of_differences(with_everything):
     expected = (np.array(value(at + h * d, p)) - np.array(value(at - h * d, p))) / (2.0 * h)
     found = np.array(slope(at, p))
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5 * np.abs(expected).max())
+
+
+def test_the_program_leaves_the_room_that_the_tracking_error_takes():
+    """As the planner: limits are narrower, and distances less."""
+    problem = op.load_problem("12_planar")
+    plain, wide = (op.casadi_problem(problem.with_parts(tracking_error=error)) for error in (0.0, 0.01))
+    assert (wide._transcription.limits.upper <= plain._transcription.limits.upper - 0.01).all()
+    assert wide._transcription.model.error == pytest.approx(problem.robot.n * [0.01])
 
 
 def test_moving_ends_depend_on_the_duration():
@@ -140,6 +149,10 @@ def test_solvers_find_what_the_planner_finds(run, name):
     [
         ({"problem": 3}, r"^op\.casadi_problem: problem: found the int 3"),
         ({"guess": 3}, r"^op\.casadi_problem: guess: found the int 3"),
+        (
+            {"problem": op.Problem("planar2r", "ready", "out", scene=[BALL.moving([[0], [0.1], [0]])])},
+            "a problem with obstacles that move; expected one move among obstacles that stand",
+        ),
     ],
 )
 def test_errors_name_the_call(arguments, words):
