@@ -138,8 +138,8 @@ def place(
         The placement: `run` (the shortest verified one), `given`, `moved`, `base`, `scores`.
 
     Raises:
-        InputError: an argument that does not fit, or a problem of several robots: there is no single base to move; `out` has
-            a `problem.yaml` that no earlier result left there.
+        InputError: an argument that does not fit, or a problem of several robots: there is no single base to move;
+            `out` has a `problem.yaml` that no earlier result left there.
 
     Example:
         >>> import optiplan as op
