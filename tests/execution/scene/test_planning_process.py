@@ -79,6 +79,13 @@ def test_a_process_that_gets_no_motion_stops_the_robot_and_ends(run, caplog):
     assert not planning._process.is_alive()
 
 
+def test_a_process_that_ends_at_once_tells_of_scripts_without_a_guard(run, monkeypatch):
+    monkeypatch.setattr(planning_process, "_idle", [])
+    monkeypatch.setattr(planning_process, "serve", id)  # which returns
+    with pytest.raises(op.OptiPlanError, match='ended at once: killed, .* without `if __name__ == "__main__":`'):
+        op.Executor(run, policy="replan")
+
+
 def test_a_reply_to_an_older_motion_does_not_let_it_ask(run):
     executor, done = op.Executor(run, policy="replan"), Event()
     planning = executor._planning
