@@ -64,17 +64,8 @@ def _finite(value: float) -> float:
     return value
 
 
-def _number(value: float) -> float:
-    """Refuse what is no number; without end means for ever."""
-    if math.isnan(value):
-        raise typer.BadParameter(f"found {value}; expected a number, or inf")
-    return value
-
-
 Memory = Annotated[float, typer.Option(min=300.0, callback=_finite, metavar="MB", help="memory limit of a process")]
-KeepDays = Annotated[
-    float, typer.Option(min=0.0, callback=_number, metavar="DAYS", help="runs and unused uploads are kept (inf: ever)")
-]
+KeepDays = Annotated[float, typer.Option(min=0.0, metavar="DAYS", help="runs and unused uploads are kept (inf: ever)")]
 KeepGb = Annotated[
     float, typer.Option(min=0.0, callback=_finite, metavar="GB", help="disk space for runs; the oldest are deleted")
 ]
