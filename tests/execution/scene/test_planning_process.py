@@ -1,5 +1,6 @@
 """The policy `replan`: another motion takes over in time, or the robot takes its proved stop."""
 
+import re
 from dataclasses import replace
 from threading import Event
 from types import SimpleNamespace
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.cores import WHY_DEAD
 from optiplan.execution.scene import planning_process
 from optiplan.problem.problem import derived
 from tests.execution.flying import DT, executed, flying
@@ -82,7 +84,7 @@ def test_a_process_that_gets_no_motion_stops_the_robot_and_ends(run, caplog):
 def test_a_process_that_ends_at_once_tells_of_scripts_without_a_guard(run, monkeypatch):
     monkeypatch.setattr(planning_process, "_idle", [])
     monkeypatch.setattr(planning_process, "serve", id)  # which returns
-    with pytest.raises(op.OptiPlanError, match='ended at once: killed, .* without `if __name__ == "__main__":`'):
+    with pytest.raises(op.OptiPlanError, match=re.escape(f"ended at once: {WHY_DEAD}")):
         op.Executor(run, policy="replan")
 
 
