@@ -13,7 +13,7 @@ import stat
 import tempfile
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import cache
@@ -196,20 +196,28 @@ def write_text(path: Path, text: str) -> None:
     write_bytes(path, text.encode())
 
 
-def write_result(folder: Path, page: str, files: Mapping[str, bytes], perhaps: str) -> list[Path]:
-    """Write the files of a result, the page among them, and return their paths.
+def write_together(folder: Path, files: Mapping[str, bytes], last: str, older: Iterable[str] = ()) -> None:
+    """Write the files of one result, all or none: where that fails, an earlier result in the folder is as it was.
 
     Args:
         folder: made when it is not there.
-        page: the file by which a folder is known to hold an earlier result.
         files: content by name.
-        perhaps: a file that not every result has: one of an earlier result is removed, since it is not of this one.
+        last: the file of these by which a folder is known to hold a whole result. It is taken away before the others
+            change, and renamed into place after them.
+        older: names of files of an earlier result that are taken away, too, where they are not among `files`.
+
+    Raises:
+        OSError: as `replacing`.
     """
-    if perhaps not in files and (folder / page).is_file():
-        (folder / perhaps).unlink(missing_ok=True)
-    for name, content in files.items():
-        write_bytes(folder / name, content)
-    return [folder / name for name in files]
+    with ExitStack() as stack:
+        for name in sorted(files, key=last.__ne__):  # the stack is left in reverse order
+            temporary = stack.enter_context(replacing(folder / name))
+            temporary.write_bytes(files[name])
+            flush(temporary)  # before anything of the earlier result is taken away
+        if (folder / last).is_file():
+            Path(os.path.realpath(folder / last)).unlink()  # of a link the link stays, as in `replacing`
+        for name in set(older) - files.keys():
+            (folder / name).unlink(missing_ok=True)
 
 
 def user_folder(variable: str, default: str) -> Path:

@@ -9,7 +9,7 @@ import pytest
 
 from optiplan import files
 from optiplan.errors import InputError
-from optiplan.files import read_bytes, reading, replacing, write_text
+from optiplan.files import read_bytes, reading, replacing, write_text, write_together
 from optiplan.problem.load import check_file, load_problem, problem_from_dict
 
 DEVICES = [Path(name) for name in ("/dev/zero", "/proc/self/environ", "/proc/self/mem", "/sys/power/state")]
@@ -187,6 +187,15 @@ def test_a_link_stays_a_link_to_the_new_file(tmp_path):
         assert link.is_symlink()
         assert target.read_text() == text
     assert list(target.parent.iterdir()) == [target]
+
+
+def test_the_last_of_several_files_may_be_a_link(tmp_path):
+    (tmp_path / "there").write_text("old")
+    (tmp_path / "last").symlink_to("there")
+    (tmp_path / "older").write_text("old")
+    write_together(tmp_path, {"last": b"2", "first": b"1"}, "last", ["older", "first"])
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"there": "2", "last": "2", "first": "1"}
+    assert (tmp_path / "last").is_symlink()
 
 
 def test_a_full_disk_names_the_file():

@@ -17,13 +17,19 @@ if TYPE_CHECKING:
 Axes = Literal["world", "frame"]
 
 
-def frame_pose(robot: "Robot", q: Array, frame: str) -> pin.SE3:
+def frame_pose(robot: "Robot", q: Array, frame: str, data: pin.Data | None = None) -> pin.SE3:
     """Return the pose X_WF of a frame at q (n,).
+
+    Args:
+        robot: the robot.
+        q: (n,), rad or m.
+        frame: its name.
+        data: of `robot.model`, kept by a caller who asks often; None: made for this call.
 
     Raises:
         UnknownChoiceError: there is no such frame.
     """
-    data = robot.model.createData()
+    data = robot.model.createData() if data is None else data
     index = robot.frame_id(frame)
     pin.framesForwardKinematics(robot.model, data, np.asarray(q, dtype=np.float64))
     return pin.SE3(data.oMf[index])

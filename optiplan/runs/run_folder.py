@@ -2,8 +2,7 @@
 
 import json
 import tempfile
-from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -11,7 +10,7 @@ from typing import Any, Protocol
 from pydantic_core import to_json
 
 from optiplan.errors import InputError, Issue
-from optiplan.files import flush, read_bytes, replacing
+from optiplan.files import read_bytes, write_together
 from optiplan.runs.record_kinds import check_record
 from optiplan.trajectory.given_files import SAMPLES, GivenFiles
 from optiplan.trajectory.trajectory import Trajectory
@@ -55,16 +54,23 @@ class StoredRun:
     interpolation: str = ""
 
 
-def save_run(run: Saved, folder: Path) -> None:
+def save_run(run: Saved, folder: Path, beside: Mapping[str, bytes] | None = None, older: Iterable[str] = ()) -> None:
     """Write a run; an older run in the folder is replaced. A run without trajectory leaves `run.json` alone.
 
-    `run.json` is taken away first and renamed into place last: a folder that has one is complete.
+    `run.json` is taken away first and renamed into place last: a folder that has one is complete. Where the run cannot
+    be written, the older one is as it was.
+
+    Args:
+        run: the run.
+        folder: made when it is not there.
+        beside: further files of the run, by name; None: none.
+        older: names of further files that an older run may have.
 
     Raises:
         InputError: the folder cannot be made or written.
     """
     try:
-        _write_all(folder, run_files(run))
+        write_together(folder, {**(beside or {}), **run_files(run)}, RUN, (TRAJECTORY, *older))
     except OSError as error:
         raise _unusable(folder, error, "a folder that can be written") from error
 
@@ -154,18 +160,6 @@ def _read_record(path: Path) -> dict[str, Any]:
         raise InputError([Issue(str(path), None, "file", "no entries", "what `optiplan plan --out` writes there")])
     check_record(record, str(path))
     return record
-
-
-def _write_all(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write the files of a run, all or none; `run.json` is the last to be renamed into place."""
-    with ExitStack() as stack:
-        for name in (RUN, TRAJECTORY):  # the stack is left in reverse order
-            if name in files:
-                temporary = stack.enter_context(replacing(folder / name))
-                temporary.write_bytes(files[name])
-                flush(temporary)  # before the older run is taken away
-        for name in (RUN, TRAJECTORY):
-            (folder / name).unlink(missing_ok=True)
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -16,12 +16,12 @@ from starlette.types import ASGIApp
 import optiplan
 from optiplan.config.messages import expected_by
 from optiplan.errors import OptiPlanError
-from optiplan.service.guard.gate import Gate
+from optiplan.service.guard.gate import REQUEST, Gate
 from optiplan.service.guard.metrics import RequestCounts
 from optiplan.service.guard.yaml_bodies import YamlBodies
 from optiplan.service.pages.framing import error_page, wants_page
 from optiplan.service.planner_service import PlannerService
-from optiplan.service.refusals import Refusal, error_body
+from optiplan.service.refusals import Refusal, error_body, internal_error
 from optiplan.service.routes import (
     benches,
     drawing,
@@ -114,7 +114,7 @@ def _wrong(request: Request, error: Any) -> Response:
 
 def _bug(request: Request, error: Any) -> Response:
     """Tell of a bug, which the gate logs under the id that it gives to the answer."""
-    return _refused(request, Refusal(500, "internal error; the log has it under the X-Request-Id of this answer"))
+    return _refused(request, internal_error(request.scope[REQUEST]))
 
 
 def _full(request: Request, error: Any) -> Response:

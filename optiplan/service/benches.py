@@ -11,6 +11,7 @@ from optiplan.service.queued_plans import QueuedPlans, check_budget, new_run
 from optiplan.service.refusals import Refusal, busy, not_found
 from optiplan.service.requests import ProblemRequests, digest_of
 from optiplan.service.settings import ServiceSettings
+from optiplan.service.store.keyed_tables import UNDER_WAY
 from optiplan.service.store.run_table import ENDED, Record, tried_again
 
 MOST = 2000
@@ -69,9 +70,27 @@ class Benches:
             "submission": bench,
         }
         await self._archive.write(lambda: self._archive.benches.add(bench, given.name, content))
-        for submission in asked:  # where one is refused, asking again goes on from there
-            await self._queued.submit(submission, bench)
+        await self._queue_all(bench, asked)
         return await self.one(bench)
+
+    async def _queue_all(self, bench: str, asked: Sequence[Submission]) -> None:
+        """Queue runs until they are all, one is refused, or the bench is cancelled or deleted.
+
+        Asking again for a bench goes on where it was broken off.
+        """
+        queueing, table = True, self._archive.benches
+        try:
+            for submission in asked:
+                await self._queued.submit(submission, bench)
+                if not (queueing := await self._archive.read(lambda: table.is_queueing(bench))):
+                    break
+        except BaseException:
+            await self._archive.write(lambda: table.end_queueing(bench, "broken off"))
+            raise
+        if queueing:
+            await self._archive.write(lambda: table.end_queueing(bench, "ended"))
+        elif await self._archive.read(lambda: table.get(bench)) is not None:
+            await self.cancel(bench)  # again: the last run may have been queued after it was cancelled
 
     async def one(self, bench: str) -> Record:
         """A bench, with how far it is and what came of it, as `BenchAnswer` says.
@@ -98,6 +117,7 @@ class Benches:
         content = (await self._row(bench))["content"]
 
         def cancel() -> None:
+            self._archive.benches.end_queueing(bench, "broken off")
             for *_, run in content["runs"]:
                 self._queue.cancel(run, content.get("submission"))  # older benches have none
 
@@ -168,8 +188,9 @@ def _answer(row: Mapping[str, Any], records: Mapping[str, Record]) -> Record:
     for problem, label, _, run in content["runs"]:
         cells.setdefault((problem, label), []).append(run)
     counts: dict[str, int] = {}
+    absent = {UNDER_WAY: "queued", "broken off": "not queued"}.get(content.get("queueing", ""), "deleted")
     for *_, run in content["runs"]:
-        status = str(records[run]["status"]) if run in records else "deleted"
+        status = str(records[run]["status"]) if run in records else absent
         counts[status] = counts.get(status, 0) + 1
     open_ = sum(counts.get(status, 0) for status in ("queued", "running"))
     return {

@@ -207,7 +207,7 @@ class Client:
             'changing'
         """
         seconds = positive_seconds("Client.execute", budget)
-        asked = {**self._motion_of(run), "driver": driver, "budget": seconds, **_json("options", plain(options))}
+        asked = {**self._motion_of(run), "driver": driver, "budget": seconds, **_json("Client.execute", options)}
         about = self._sent("POST", EXECUTIONS, asked, seconds + PATIENCE)
         return RemoteExecution(self._http, partial(self._sent, seconds=PROVING), self._motion_of, about)
 
@@ -286,7 +286,7 @@ class Client:
         given = {
             "problem": self._data(problem),
             "planner": planner,
-            "options": None if options is None else _json("options", plain(options)),
+            "options": None if options is None else _json("Client", options, "options."),
             "budget": positive_seconds("Client", budget),
             "seed": problem.seed if seed is None else seed_argument("Client", seed),
         }
@@ -360,12 +360,16 @@ def _not_ours(url: str) -> ServerError:
     return ServerError(0, f"what answers at {url} is no `optiplan serve`, or one of another version")
 
 
-def _json(argument: str, value: Any) -> Any:
-    """A value as it comes out of JSON; an `InputError` says where it is none."""
-    try:
-        return json.loads(json.dumps(value, allow_nan=False))
-    except (TypeError, ValueError) as error:
-        raise wrong_argument("Client", argument, str(error), "finite numbers, texts, lists and mappings") from None
+def _json(function: str, given: Mapping[str, Any], below: str = "") -> dict[str, Any]:
+    """Values by key as they come out of JSON; an `InputError` names the argument, `below` a key, that is none."""
+    found = {}
+    for key, value in plain(given).items():
+        try:
+            found[key] = json.loads(json.dumps(value, allow_nan=False))
+        except (TypeError, ValueError):
+            expected = "finite numbers, texts, lists and mappings"
+            raise wrong_argument(function, f"{below}{key}", described(value), expected) from None
+    return found
 
 
 def _problem(given: Any) -> Problem:

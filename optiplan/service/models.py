@@ -318,7 +318,9 @@ class BenchAnswer(BaseModel):
     name: str
     created: float
     status: Literal["running", "done"]
-    counts: dict[str, int]
+    counts: dict[str, int] = Field(
+        description="Runs by status; `deleted`, and `not queued` where queueing was cancelled or refused on the way"
+    )
     budget: float
     seeds: list[int]
     problems: list[BenchProblemAnswer]

@@ -36,6 +36,11 @@ def not_found(what: str, name: str) -> Refusal:
     return Refusal(404, f"there is no {what} '{name}'")
 
 
+def internal_error(request: str) -> Refusal:
+    """A bug was met, which the log tells with the id of the request."""
+    return Refusal(500, f"internal error; the log has it under request {request}")
+
+
 def busy(why: str, seconds: float) -> Refusal:
     """Too much is asked for now; the client may try again after some seconds."""
     return Refusal(429, why, headers={"Retry-After": str(max(1, round(seconds)))})

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from optiplan.errors import InputError, Issue, path_argument
-from optiplan.files import write_bytes
+from optiplan.errors import path_argument
 from optiplan.planners.base import Failure
 from optiplan.runs.run import versions
-from optiplan.runs.run_folder import RUN, save_run
+from optiplan.runs.run_folder import save_run
 from optiplan.simulation.closed_loop import simulate
 from optiplan.simulation.execution_report import execution_report
 from optiplan.simulation.files.build import build_loop
@@ -92,15 +91,7 @@ class Simulation:
         files = {}
         if self.log is not None:
             files = {LOG: npz_of(self.log), **pictures(self.log, self.control.problem.limits)}
-        try:
-            for name in (RUN, LOG, *PICTURES):  # a folder that has a run.json has all of one simulation
-                (where / name).unlink(missing_ok=True)
-            for name, content in files.items():
-                write_bytes(where / name, content)
-        except OSError as error:
-            found = (error.strerror or str(error)).lower()
-            raise InputError([Issue(str(where), None, "file", found, "a folder that can be written")]) from error
-        save_run(self, where)
+        save_run(self, where, files, (LOG, *PICTURES))
 
     def __repr__(self) -> str:
         """Name and what came of it."""

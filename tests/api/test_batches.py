@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.cores import WHY_DEAD
 from optiplan.runs.batches import workers
 from optiplan.runs.batches.episode import EpisodeRequest, planned_episode
 from optiplan.runs.batches.store import BatchStore, array_of
@@ -137,7 +138,9 @@ def test_a_worker_that_dies_costs_one_episode(problems):
     rows = in_processes([request(problems, name) for name in ("quintic", f"{HERE}:Killed", *["quintic"] * 2)], 1)
     states = [next(rows).state]
     wait_until(lambda: others >= set(active_children()))  # it dies before the fourth is given to it
+    rows = list(rows)
     assert states + [row.state for row in rows] == ["verified", "crashed", "verified", "verified"]
+    assert WHY_DEAD in rows[0].detail
 
 
 def test_processes_are_replaced_every_so_often(problems, monkeypatch):

@@ -233,3 +233,9 @@ def test_ctrl_c_shows_and_leaves_what_is_done(shut_in, tmp_path):
     assert [run["planner"] for run in data["runs"]] == ["quintic"]
     assert time.monotonic() - began < 5.0
     assert [str(path.relative_to(out)) for path in out.rglob("*") if path.is_file()] == ["quintic/run.json"]
+
+
+def test_nothing_is_shown_after_ctrl_c(free, optiplan_json, monkeypatch):
+    monkeypatch.setattr("optiplan.cli.plan_comparison.run_all", lambda *_: ([], [], True))
+    monkeypatch.setattr("optiplan.cli.commands.plan._view", lambda *_: pytest.fail("shown"))
+    assert optiplan_json("plan", free, "--planner", "quintic,cubic", "--view")[0] == 130

@@ -44,6 +44,7 @@ def test_runs_go_when_they_are_too_old(table, engine):
         add(table, engine, name, age)
     add(table, engine, "waiting", 99 * DAY, status="queued")
     assert outdated(table, ServiceSettings(keep_days=30.0)) == ["old"]
+    assert outdated(table, ServiceSettings(keep_days=float("inf"))) == []
     assert set(outdated(table, ServiceSettings(keep_days=0.0))) == {"new", "nearly", "old"}  # what waits is not old
 
 

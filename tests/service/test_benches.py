@@ -7,6 +7,7 @@ from urllib.parse import urljoin
 
 import pytest
 
+from optiplan.service.refusals import busy
 from tests.service.conftest import NO_WAY, QUICK
 from tests.service.routes.test_pages import NAMES
 from tests.waiting import wait_until
@@ -92,6 +93,46 @@ def test_a_bench_is_cancelled_and_forgotten_but_not_its_runs(server):
     assert server.http.get(f"/api/benches/{bench['id']}").status_code == 404
     assert server.http.delete(f"/api/benches/{bench['id']}").status_code == 404
     assert server.http.get(f"/api/runs/{bench['cells'][0]['runs'][0]}").status_code == 200
+
+
+@pytest.mark.parametrize("how", ["refused", "cancel", "delete"])
+def test_a_bench_that_is_not_queued_to_its_end(server, monkeypatch, how):
+    """While runs are being queued it is running; then those that never were are told, and none is queued any more."""
+    queued, calls, seen = server.service.benches._queued, [], []
+    submit = queued.submit
+
+    async def on_the_way(submission, name):
+        if len(calls) == 2 and how == "refused":
+            raise busy("full", 1.0)
+        calls.append(name)
+        if len(calls) == 2:
+            seen.append(await server.service.benches.one(name))
+            if how != "refused":
+                await getattr(server.service.benches, how)(name)
+        return await submit(submission, name)
+
+    monkeypatch.setattr(queued, "submit", on_the_way)
+    seeds = {"refused": [61, 62, 63], "cancel": [64, 65, 66], "delete": [67, 68, 69]}[how]
+    given = {"name": how, "problems": [NO_WAY], "planners": ["rrtconnect"], "seeds": seeds, "budget": 30.0}
+    answer = server.http.post("/api/benches", json=given)
+    assert answer.status_code == {"refused": 429, "cancel": 202, "delete": 404}[how]
+    assert len(calls) == 2
+    assert seen[0]["status"] == "running"
+    assert "deleted" not in seen[0]["counts"]
+    bench = seen[0]["id"]
+    if how != "delete":
+        found = server.http.get(f"/api/benches/{bench}").json()
+        assert found["counts"]["not queued"] == 1
+        assert "deleted" not in found["counts"]
+        server.http.post(f"/api/benches/{bench}/cancel")
+        assert finished(server, bench)["counts"] == {"cancelled": 2, "not queued": 1}
+        monkeypatch.setattr(queued, "submit", submit)
+        server.http.post("/api/benches", json=given)
+        assert "not queued" not in server.http.get(f"/api/benches/{bench}").json()["counts"]
+        server.http.post(f"/api/benches/{bench}/cancel")
+        finished(server, bench)
+    for run in seen[0]["cells"][0]["runs"]:  # those of a deleted bench go on
+        server.http.post(f"/api/runs/{run}/cancel?everyone=true")
 
 
 def test_runs_that_were_deleted_are_counted_as_such(server):

@@ -48,22 +48,28 @@ def import_scene(source: Path | str, out: Path | str, robot: Path | str, *, repl
         expected = "the name of a robot of op.robots(), or the path of a robot.yaml"
         raise wrong_argument("import_scene", "robot", described(robot), expected)
     flag_argument("import_scene", "replace_files", replace_files)
+    scene = read_scene(path)
     with words_of_call("op.import_scene", {"--force": "replace_files=True", "another name": "another `out`"}):
-        write_scene(read_scene(path), target, robot, replace_files)
+        refuse_there(scene, target, replace_files)
+    write_scene(scene, target, robot)
     return load_problem(target)
 
 
-def write_scene(scene: ImportedScene, target: Path, robot: Path | str, force: bool) -> None:
-    """Write a scene as a problem file, with meshes beside it; obstacles called like a link or the world are renamed.
-
-    Raises:
-        InputError: the robot cannot be used, or a file is there already.
-    """
-    loaded = load_robot(robot)
+def refuse_there(scene: ImportedScene, target: Path, force: bool) -> None:
+    """Raise an `InputError` that names the files of a scene that are there already, unless they are replaced."""
     there = [path for path in (target, *(target.parent / file for file in scene.files)) if path.exists()]
     if there and not force:
         found, expected = "a file that is there already", "--force to replace it, or another name"
         raise InputError([Issue(str(path), None, "import scene", found, expected) for path in there])
+
+
+def write_scene(scene: ImportedScene, target: Path, robot: Path | str) -> None:
+    """Write a scene as a problem file, with meshes beside it; obstacles called like a link or the world are renamed.
+
+    Raises:
+        InputError: the robot cannot be used.
+    """
+    loaded = load_robot(robot)
     for file, content in scene.files.items():
         write_bytes(target.parent / file, content)
     reference = str(robot) if str(robot) in robot_names() else str(Path(robot).resolve())

@@ -6,16 +6,17 @@ from time import perf_counter
 from typing import Any
 
 from optiplan.api.planning import plan_within, positive_seconds
+from optiplan.api.studies.result_folder import ResultFolder
 from optiplan.errors import described, path_argument, progress_argument, wrong_argument
-from optiplan.files import write_result
 from optiplan.planners.base import Budget, Progress
-from optiplan.runs.run_folder import check_folder
 from optiplan.studies.measures import MEASURES, check_measures
 from optiplan.studies.proof import DesignProof, chosen_designs, prove_design
 from optiplan.studies.result import DesignResult
 from optiplan.studies.search import DesignSearch, search_designs
 from optiplan.studies.study import DesignStudy, read_study
 from optiplan.viewer.plots.design_front import design_page, front_pdf
+
+RESULT = ResultFolder("design.html", "robot.yaml")
 
 
 def design(
@@ -41,7 +42,8 @@ def design(
         The result: `front`, `compromise`, `given`, `proofs`, `search`.
 
     Raises:
-        InputError: with every issue of the study, by file and line; an argument that does not fit.
+        InputError: with every issue of the study, by file and line; an argument that does not fit; `out` has a
+            `robot.yaml` that no earlier result left there.
         OptiPlanError: pymoo is not installed.
 
     Example:
@@ -68,7 +70,7 @@ def design(
     allowed = None if budget is None else Budget(positive_seconds("design", budget))
     folder = None if out is None else path_argument("design", "out", out, "the path of a folder")
     if folder is not None:
-        check_folder(folder)
+        RESULT.check(folder)
     began = perf_counter()
     read = read_study(study, MEASURES)
     check_measures(read)
@@ -81,13 +83,17 @@ def design(
 
 
 def save_design(result: DesignResult, folder: Path) -> list[Path]:
-    """Write `design.html`, `front.pdf`, `front.csv` and, of a compromise, `robot.yaml`; return the paths."""
+    """Write `design.html`, `front.pdf`, `front.csv` and, of a compromise, `robot.yaml`; return the paths.
+
+    Raises:
+        InputError: the folder cannot be written, or has a `robot.yaml` that no earlier result left there.
+    """
     files = {
         "design.html": design_page(result).encode(),
         "front.pdf": front_pdf(result),
         **{name: text.encode() for name, text in result.files.items()},
     }
-    return write_result(folder, "design.html", files, "robot.yaml")
+    return RESULT.write(folder, files)
 
 
 def _proofs(study: DesignStudy, search: DesignSearch, progress: Progress) -> tuple[DesignProof, ...]:

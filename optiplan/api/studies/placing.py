@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from optiplan.api.planning import plan, positive_seconds
+from optiplan.api.studies.result_folder import ResultFolder
 from optiplan.arrays import number_argument
 from optiplan.errors import InputError, described, path_argument, progress_argument, whole_argument, wrong_argument
-from optiplan.files import write_result
 from optiplan.geometry.poses import pose_to_data
 from optiplan.planners.base import Budget, Progress
 from optiplan.planners.tours.placing import PlaceRange, PlaceScores, moved_base, search_places
@@ -21,7 +21,6 @@ from optiplan.problem.write import problem_text
 from optiplan.robot.reference import several_robots
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.runs.run import Run
-from optiplan.runs.run_folder import check_folder
 from optiplan.viewer.plots.place_map import draw_map, place_page
 
 BUDGET = 60.0
@@ -29,6 +28,8 @@ BUDGET = 60.0
 
 _MAP = 0.5
 """Share of the budget for the map; the rest is for planning at the given base and at the best ones."""
+
+RESULT = ResultFolder("place.html", "problem.yaml")
 
 _PLANNED, _APART = 3, 0.1
 """Bases that are planned, and how far apart they are at least, m and rad."""
@@ -79,14 +80,18 @@ class Placement:
         return None if self.run is None else pose_to_data(self.run.problem.robot.mounting.X_WB)
 
     def save(self, folder: Path) -> list[Path]:
-        """Write `place.html`, `place.png` and, where a base was found, `problem.yaml`; return the paths."""
+        """Write `place.html`, `place.png` and, where a base was found, `problem.yaml`; return the paths.
+
+        Raises:
+            InputError: the folder cannot be written, or has a `problem.yaml` that no earlier result left there.
+        """
         title = f"Where {self.problem.robot.name} stands for {self.problem.name}"
         picture = draw_map(self.scores, title)
         rows = [_cells(moved, self._score(moved), run) for moved, run in self.planned]
         text = problem_text(self.run.problem.source) if self.run is not None else ""
         page = place_page(title, self.words, picture, rows, problem_text({"base": self.base}) if self.base else "–")
         files = {"place.png": picture, "place.html": page.encode()} | ({"problem.yaml": text.encode()} if text else {})
-        return write_result(folder, "place.html", files, "problem.yaml")
+        return RESULT.write(folder, files)
 
     @property
     def words(self) -> str:
@@ -133,7 +138,8 @@ def place(
         The placement: `run` (the shortest verified one), `given`, `moved`, `base`, `scores`.
 
     Raises:
-        InputError: an argument that does not fit, or a problem of several robots: there is no single base to move.
+        InputError: an argument that does not fit, or a problem of several robots: there is no single base to move;
+            `out` has a `problem.yaml` that no earlier result left there.
 
     Example:
         >>> import optiplan as op
@@ -151,7 +157,7 @@ def place(
     where = _checked(where or PlaceRange())
     folder = None if out is None else path_argument("place", "out", out, "the path of a folder")
     if folder is not None:
-        check_folder(folder)
+        RESULT.check(folder)
     _refuse_several(problem.robot, "problem")
     problem = problem if robot is None else _with_robot(problem, robot)
     _refuse_several(problem.robot, "robot")

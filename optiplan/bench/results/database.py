@@ -110,6 +110,8 @@ class Store:
         with _without_results(folder), TemporaryDirectory(prefix=".", dir=folder) as scratch:
             with cls.create(Path(scratch), meta) as store:
                 yield store
+                with store._translated_errors():  # what its log still held would be lost
+                    store._leave_one_file()
             flush(store.path)
             store.path.replace(folder / FILE)
 
@@ -124,9 +126,13 @@ class Store:
         """Close the database, and let other processes write."""
         if self._lock is not None:
             with suppress(sqlite3.Error):  # readers are there, or the disk is full: it stays as it is
-                self._db.execute("PRAGMA journal_mode = DELETE")  # one file, to be read from anywhere
+                self._leave_one_file()
         self._db.close()
         self._unlock()
+
+    def _leave_one_file(self) -> None:
+        """Bring what the log holds into the file, which can be read from anywhere then."""
+        self._db.execute("PRAGMA journal_mode = DELETE")
 
     def _unlock(self) -> None:
         if self._lock is not None:

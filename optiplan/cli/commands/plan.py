@@ -124,7 +124,7 @@ def plan(
     from optiplan.problem.load import load_problem
     from optiplan.runs.run_folder import check_folder
 
-    path, names = find_problem(file), plan_comparison.several(planner)
+    path, names, interrupted = find_problem(file), plan_comparison.several(planner), False
     if names:
         _of_several_planners(server, {"--workers": workers, "--bound": bound, "--full": full or None})
     if out is not None:
@@ -145,7 +145,7 @@ def plan(
         found = _bound(run, bound, progress.cancel)
         runs = [replace(run, timings={"load": loaded, **run.timings}, proved_bound=found)]
         code = _finish(runs[0], out, as_json, full, interrupted=progress.cancel.is_set())
-    if view:
+    if view and not interrupted:  # of one planner Ctrl-C ends the search alone
         _view(runs, as_json)
     return code
 

@@ -65,9 +65,7 @@ def _finite(value: float) -> float:
 
 
 Memory = Annotated[float, typer.Option(min=300.0, callback=_finite, metavar="MB", help="memory limit of a process")]
-KeepDays = Annotated[
-    float, typer.Option(min=0.0, callback=_finite, metavar="DAYS", help="runs and unused uploads are kept")
-]
+KeepDays = Annotated[float, typer.Option(min=0.0, metavar="DAYS", help="runs and unused uploads are kept (inf: ever)")]
 KeepGb = Annotated[
     float, typer.Option(min=0.0, callback=_finite, metavar="GB", help="disk space for runs; the oldest are deleted")
 ]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING
 
-from optiplan.cores import OneThreadContext
+from optiplan.cores import WHY_DEAD, OneThreadContext
 from optiplan.errors import OptiPlanError, named_reason, wrong_argument
 from optiplan.execution.paths.next_path import NextPath
 from optiplan.execution.paths.proved_path import ProvedPath
@@ -117,8 +117,9 @@ class PlanningProcess:
         self._policy, self._prepare = policy, prepare
         self.follow(run, watch, warm=False)
         if not self._ready.wait(WARM_UP) or self.lost:
+            why = f"ended at once: {WHY_DEAD}" if self.lost else f"does not answer within {WARM_UP:g} s"
             self.close()
-            raise OptiPlanError("the planning process of Executor ended at once, or does not answer")
+            raise OptiPlanError(f"the planning process of Executor {why}")
 
     def follow(self, run: Run, watch: SceneWatch, number: int = 0, *, warm: bool = True) -> None:
         """Plan from now on for a robot that follows a run, to its goal.

@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from itertools import chain, islice
 from typing import Any
 
-from optiplan.cores import OneThreadContext
+from optiplan.cores import WHY_DEAD, OneThreadContext
 from optiplan.errors import OptiPlanError
 from optiplan.runs.batches.episode import CRASHED, Episode, EpisodeRequest, digest_of, planned_episode
 
@@ -118,7 +118,7 @@ def _alone(request: EpisodeRequest) -> Episode:
     try:
         return pool.submit(planned_episode, request).result()
     except BrokenProcessPool:
-        return _crashed(request, "its process died, killed or out of memory")
+        return _crashed(request, f"its process died: {WHY_DEAD}")
     finally:
         end_pool(pool)
 

@@ -62,7 +62,7 @@ class LiveLoop:
             self._plant = RigidBodyPlant(robot, problem.start, FINE)
             inner = ComputedTorque(RigidBodyDynamics(robot), FREQUENCY)
         self._loop = TaskSpaceLoop(problem, TaskSpaceSpec(), PERIOD, robot.tool_frame, inner)
-        self._poses = Poses(problem)
+        self._poses, self._data = Poses(problem), robot.model.createData()
         self._target = self.first = frame_pose(robot, problem.start, robot.tool_frame)
         self._step: ControlStep | None = None
         self._wanted = np.asarray(problem.start, float)
@@ -106,7 +106,7 @@ class LiveLoop:
         """Where everything is, JSON-ready; `docs/service.md` lists its keys."""
         q, step = self._plant.q, self._step
         robot = self.problem.robot
-        tool = frame_pose(robot, q, robot.tool_frame)
+        tool = frame_pose(robot, q, robot.tool_frame, self._data)
         error = pose_error(tool, self._target)
         nearest = None if step is None else step.nearest
         slowest, self._slowest = self._slowest, 0.0

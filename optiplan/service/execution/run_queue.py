@@ -48,6 +48,7 @@ class RunQueue:
         self._runs, self._events, self._solve = runs, events, solve
         self._lease = take_lease(engine, settings.data / "alive")
         self._active: dict[str, threading.Event] = {}
+        self._begun: dict[str, threading.Event] = {}  # of those in hand: the table says that they are ours
         self._looking = threading.Lock()
         self._woken, self._stop = threading.Event(), threading.Event()
         loops = {"watch": self._watch, "recover": self._keep_recovering}
@@ -140,6 +141,7 @@ class RunQueue:
             record = until_written(lambda: self._runs.begin(run, holder), self._stop, f"beginning of run {run}")
             if record is None:
                 return
+            self._begun[run] = cancel
             end = self._solved(record, cancel)
             self._events.settle(run, self._stop)
             if end.status == "cancelled" and self._stop.is_set():  # this process was cancelled, not the run
@@ -147,6 +149,7 @@ class RunQueue:
             else:
                 self._record(run, end)
         finally:
+            self._begun.pop(run, None)
             del self._active[run]
             self.wake()  # it may have been submitted anew while it was in hand
 
@@ -172,14 +175,17 @@ class RunQueue:
             until_written(lambda: self._runs.end(run, self._lease.name, refused), self._stop, what)
 
     def _watch(self) -> None:
-        """Cancel runs under way that somebody, perhaps elsewhere, wants cancelled."""
+        """Cancel runs under way that somebody, perhaps elsewhere, wants cancelled, or that are no longer ours.
+
+        One that was cancelled elsewhere may have been submitted anew before this process looked: it is queued then.
+        """
         while not self._stop.wait(LOOK):
-            if not self._active:
+            if not (begun := dict(self._begun)):  # before the look: what begins after it is ours, too
                 continue
             try:
-                for run in self._runs.to_be_cancelled(self._lease.name):
-                    if (event := self._active.get(run)) is not None:
-                        event.set()
+                wanted = self._runs.wanted(self._lease.name)
+                for run in begun.keys() - wanted:
+                    begun[run].set()
             except Exception as error:  # the database may be away for a while
                 _log.warning("runs to be cancelled cannot be looked up: %s", error)
 

@@ -81,7 +81,7 @@ def _tasks(settings: Mapping[str, Any]) -> Any:
 
     tasks = Tasks(settings)
     with suppress(Exception):  # a task will tell
-        tasks.warm_up(settings["plans"])
+        tasks.warm_up(settings["warm_up"])
     gc.collect()
     gc.freeze()  # what is loaded stays: looking through it for garbage again and again takes 50 ms each time
     return tasks

@@ -46,6 +46,9 @@ AT_NEED: tuple[Lane, ...] = ("report", "live", "execution")
 ONE_JOB: tuple[Lane, ...] = ("report", "live")
 """Lanes whose processes end with their job."""
 
+WARM_UP: dict[Lane, str] = {"report": "", "execution": "execute"}
+"""What the processes of a lane load before their first job; of others: what `plan` needs."""
+
 MODULES: dict[Lane, str] = {"execution": "optiplan.service.execution.executing_solver"}
 """Lanes whose processes run another module than `MODULE`."""
 
@@ -256,7 +259,7 @@ class _Slot(threading.Thread):
             "bodies": self._settings.bodies,
             "memory": self._settings.memory,
             "nice": NICE[self._lane],
-            "plans": self._lane not in ("report", "execution"),
+            "warm_up": WARM_UP.get(self._lane, "plan"),
         }
         if worker.pid:
             self._carry_out(worker, SolverJob(set_up, START))

@@ -45,14 +45,14 @@ class Tasks:
         self._reader = ProblemReader(Path(settings["base"]), folders, settings["bodies"])
         self.hide_paths = _path_hider([Path(settings["base"]), *folders])
 
-    def warm_up(self, plans: bool) -> None:
-        """Plan the first example, so that libraries are loaded, code is compiled and caches are filled.
+    def warm_up(self, what: str) -> None:
+        """Load what `execute` needs; or `plan` the first example, so that code is compiled and caches are filled, too.
 
-        Where nothing will be planned, load what executes.
+        For what is empty nothing is loaded.
         """
-        if not plans:
+        if what == "execute":
             import optiplan.service.execution.executing  # noqa: F401
-
+        if what != "plan":
             return
         with reading(None):
             problem = load_problem(problems_dir() / "01_reach.yaml")
@@ -70,7 +70,7 @@ class Tasks:
         problem = self._reader.read(request)
         choice = self._reader.choose(request, problem)
         if files_changed(request, problem):
-            detail = "the files that the problem names were changed after it was submitted"
+            detail = "the files that the problem names, or this program, were changed after it was submitted"
             return {"failure": {"kind": "input", "detail": detail, "witness": {}}, "timings": {}}, {}
         budget, given = Budget(request["budget"]), problem.with_seed(choice.seed)
         told = stages_of(progress) if request.get("early") else progress
@@ -163,8 +163,8 @@ class Tasks:
 
         problem = self._reader.read(request)
         if files_changed(request, problem):
-            found = "a problem whose files were replaced since the run"
-            raise InputError([Issue("request", None, "run", found, "a run of the files as they are now")])
+            found = "a run of another problem than is read now: its files, or this program, were replaced since the run"
+            raise InputError([Issue("request", None, "run", found, "a run of the files and the program as they are")])
         motion = Trajectory.from_dict(json.loads(request["motion"])) if request.get("motion") else None
         return {}, {"scene.json": _json(studio_scene(problem, motion))}
 

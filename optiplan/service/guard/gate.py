@@ -22,7 +22,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from optiplan.service.guard.metrics import RequestCounts
 from optiplan.service.guard.rates import Rates, client_of
 from optiplan.service.pages.framing import error_page, wants_page
-from optiplan.service.refusals import Refusal, busy, error_body
+from optiplan.service.refusals import Refusal, busy, error_body, internal_error
 from optiplan.service.settings import ServiceSettings
 from optiplan.viewer.safety import HEADERS, LOOPBACK, host_name, same_origin
 
@@ -36,6 +36,8 @@ PAGE = (
     "base-uri 'none'; form-action 'self'; frame-ancestors 'self'"
 )
 """Content policy of what has none of its own: everything from this server, nothing inside the page."""
+REQUEST = "optiplan.request"
+"""Key of a scope: the id of the request, as in the log."""
 LINGER = 30.0
 """s in which the rest of a body that nobody wants may still come."""
 MOST_CALLS = 2000
@@ -63,7 +65,8 @@ class Gate:
                 await self._app(scope, receive, send)
             return  # no websockets here
         call = _Call(scope, receive, send, self._settings.body)
-        asked = {**scope, "method": "GET"} if scope["method"] == "HEAD" else scope  # of which the head is sent
+        method = "GET" if scope["method"] == "HEAD" else scope["method"]  # of which the head is sent
+        asked = {**scope, "method": method, REQUEST: call.id}
         self._calls += 1
         try:
             self._check(asked, call)
@@ -77,7 +80,7 @@ class Gate:
             await call.refuse(error, error_page(error, path) if page else None)
         except Exception:
             _log.exception("internal error", extra={"request_id": call.id, "path": scope["path"]})
-            await call.refuse(Refusal(500, f"internal error; the log has it under request {call.id}"))
+            await call.refuse(internal_error(call.id))
         finally:
             self._calls -= 1
             self._metrics.add(scope["method"], call.status, time.perf_counter() - call.began)

@@ -14,7 +14,7 @@
   function cell(found, seeds) {
     const good = found.verified && found.verified === found.ended ? "verified" : found.verified ? "running" : "failed", { pages, kept } = found;
     const look = found.ended < kept ? "queued" : kept ? good : "", address = pages.length > 1 ? "compare?" + pages.slice(0, 8).map((run) => "run=" + run).join("&") : "runs/" + pages[0];
-    const count = make("span", { className: "badge " + look, textContent: `${found.verified} of ${seeds}`, title: kept < seeds ? `${seeds - kept} of these runs were deleted` : "" });
+    const count = make("span", { className: "badge " + look, textContent: `${found.verified} of ${seeds}`, title: kept < seeds ? `${seeds - kept} of these runs were deleted or are not queued` : "" });
     const text = found.duration === null ? "" : ` ${found.duration.toFixed(3)} s`;
     return make("td", {}, found.ended === kept && pages.length ? make("a", { href: address, title: "View these runs" }, count, text) : make("span", {}, count, text));
   }

@@ -2,13 +2,16 @@
 
 import time
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import sqlalchemy as sa
 from sqlalchemy.engine import Engine
 
 from optiplan.service.store.run_table import Record
 from optiplan.service.store.tables import benches, problems
+
+UNDER_WAY = "under way"
+"""`queueing` of a bench whose runs are being queued; then `ended`, or `broken off`. Older benches have none."""
 
 
 class KeyedTable:
@@ -70,5 +73,19 @@ class BenchTable(KeyedTable):
         super().__init__(engine, benches)
 
     def add(self, bench: str, name: str, content: Record) -> None:
-        """Record a bench; a known id keeps its time."""
-        self._put({"id": bench, "name": name, "created": time.time(), "content": content}, ("created",))
+        """Record a bench whose runs are queued from now on; a known id keeps its time."""
+        row = {"id": bench, "name": name, "created": time.time(), "content": content | {"queueing": UNDER_WAY}}
+        self._put(row, ("created",))
+
+    def is_queueing(self, bench: str) -> bool:
+        """Return whether the runs of a bench are being queued: it was neither ended, cancelled nor deleted since."""
+        row = self.get(bench)
+        return row is not None and row["content"].get("queueing") == UNDER_WAY
+
+    def end_queueing(self, bench: str, how: Literal["ended", "broken off"]) -> None:
+        """Record that no more runs of a bench are queued, where they were being queued."""
+        which = self._key == bench
+        with self._engine.begin() as connection:
+            found = connection.scalar(sa.select(benches.c.content).where(which).with_for_update())
+            if found is not None and found.get("queueing") == UNDER_WAY:
+                connection.execute(benches.update().where(which).values(content=found | {"queueing": how}))

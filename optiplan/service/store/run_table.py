@@ -201,11 +201,11 @@ class RunTable:
                 connection.execute(change.where(runs.c.status == "running").values(cancel=True))
         return 0
 
-    def to_be_cancelled(self, holder: str) -> list[str]:
-        """The runs of a holder that somebody wants cancelled."""
-        query = sa.select(runs.c.id).where(runs.c.holder == holder, runs.c.cancel, runs.c.status == "running")
+    def wanted(self, holder: str) -> set[str]:
+        """The runs of a holder that are to go on: it holds them still, and nobody wants them cancelled."""
+        query = sa.select(runs.c.id).where(runs.c.holder == holder, ~runs.c.cancel, runs.c.status == "running")
         with self._engine.connect() as connection:
-            return list(connection.scalars(query))
+            return set(connection.scalars(query))
 
     def release(self, run: str, holder: str) -> bool:
         """Put a run back whose holder is gone; False if somebody else did."""

@@ -1,13 +1,14 @@
 import json
 import sqlite3
 import zlib
+from contextlib import closing
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 from optiplan.bench.execution.run_task import hash_and_pack
-from optiplan.bench.results import measures
+from optiplan.bench.results import database, measures
 from optiplan.bench.results.database import SCHEMA_VERSION, Store, StoreError
 from optiplan.bench.results.records import BenchPlanner, BenchProblem, Outcome, Row
 from optiplan.errors import InputError, UnknownChoiceError
@@ -100,6 +101,26 @@ def test_closed_it_is_one_file(store):
     assert sorted(path.name for path in store.folder.iterdir()) == ["lock", "results.sqlite"]
     with Store(store.folder) as reader:
         assert [row["how"] for row in reader.query("SELECT how FROM sessions")] == ["complete"]
+
+
+def test_a_filled_store_that_cannot_be_made_one_file_is_not_moved(tmp_path, monkeypatch):
+    connected = database._connected
+
+    def at_once(path, write):
+        db = connected(path, write)
+        db.execute("PRAGMA busy_timeout = 0")
+        return db
+
+    monkeypatch.setattr(database, "_connected", at_once)
+    filled = Store.filled(tmp_path / "filled", {"name": "mine"})
+    store = filled.__enter__()
+    store.fill(PROBLEMS, PLANNERS)
+    with closing(sqlite3.connect(store.path, isolation_level=None)) as reader:
+        reader.execute("BEGIN")
+        reader.execute("SELECT * FROM problems").fetchall()
+        with pytest.raises(StoreError, match="locked"):
+            filled.__exit__(None, None, None)
+    assert not (tmp_path / "filled").exists()
 
 
 def test_what_is_no_results_is_refused(tmp_path, store):

@@ -92,10 +92,17 @@ scene:
 
 
 def test_a_log_that_cannot_be_saved_is_told_all_the_same(file, tmp_path, capsys, monkeypatch):
-    def full(*_):
-        raise OSError(errno.ENOSPC, "no space left on device")
+    log = tmp_path / "log"
+    assert run(["control", str(file), "--out", str(log)]) == 0
+    earlier = {path.name: path.read_bytes() for path in log.iterdir()}
+    capsys.readouterr()
+    files = iter(range(9))
 
-    monkeypatch.setattr("optiplan.simulation.simulation.write_bytes", full)
+    def full(_):
+        if next(files) >= 2:  # those of two files are on the disk
+            raise OSError(errno.ENOSPC, "no space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
     assert run(["control", str(file), "--out", str(tmp_path / "log")]) == 2
     told = capsys.readouterr()
     assert told.out.startswith("ran to its end")
@@ -105,6 +112,7 @@ def test_a_log_that_cannot_be_saved_is_told_all_the_same(file, tmp_path, capsys,
     told = json.loads(capsys.readouterr().out)
     assert (told["clean"], told["exit_code"]) == (True, 2)
     assert "no space left on device" in told["error"]
+    assert {path.name: path.read_bytes() for path in log.iterdir()} == earlier
 
 
 def test_view_plays_a_log(file, tmp_path, capsys):

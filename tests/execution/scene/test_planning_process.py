@@ -1,5 +1,6 @@
 """The policy `replan`: another motion takes over in time, or the robot takes its proved stop."""
 
+import re
 from dataclasses import replace
 from threading import Event
 from types import SimpleNamespace
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.cores import WHY_DEAD
 from optiplan.execution.scene import planning_process
 from optiplan.problem.problem import derived
 from tests.execution.flying import DT, executed, flying
@@ -77,6 +79,13 @@ def test_a_process_that_gets_no_motion_stops_the_robot_and_ends(run, caplog):
     assert "nothing can be sent to the planning process: ZeroDivisionError" in caplog.text
     executor.close()
     assert not planning._process.is_alive()
+
+
+def test_a_process_that_ends_at_once_tells_of_scripts_without_a_guard(run, monkeypatch):
+    monkeypatch.setattr(planning_process, "_idle", [])
+    monkeypatch.setattr(planning_process, "serve", id)  # which returns
+    with pytest.raises(op.OptiPlanError, match=re.escape(f"ended at once: {WHY_DEAD}")):
+        op.Executor(run, policy="replan")
 
 
 def test_a_reply_to_an_older_motion_does_not_let_it_ask(run):

@@ -253,6 +253,17 @@ def test_obstacles_are_not_called_like_links(tmp_path):
     assert "# obstacle base_link is called base_link_, since a link" in (tmp_path / "m.yaml").read_text()
 
 
+def test_only_the_refusal_of_files_that_are_there_names_the_call(tmp_path):
+    (tmp_path / "m.scene").write_text(MOVEIT)
+    (tmp_path / "m.yaml").write_text("mine")
+    with pytest.raises(op.InputError, match=r"op.import_scene: .*m.yaml: import scene: .*replace_files=True"):
+        op.import_scene(tmp_path / "m.scene", tmp_path / "m.yaml", "ur5")
+    (tmp_path / "m.scene").write_text(MOVEIT.replace("0.4 0.6 0.02", "0.4 -0.6 0.02"))
+    with pytest.raises(op.InputError) as caught:
+        op.import_scene(tmp_path / "m.scene", tmp_path / "n.yaml", "ur5")
+    assert "op.import_scene" not in str(caught.value)
+
+
 @pytest.mark.parametrize(
     ("name", "old", "new", "words"),
     [

@@ -247,6 +247,7 @@ def test_a_folder_belongs_to_one_database(tmp_path):
         (["--log-level", "loud"], "choose from"),
         (["--memory", "inf"], "--memory"),
         (["--keep-gb", "nan"], "--keep-gb"),
+        (["--keep-days", "nan"], "--keep-days"),
         (["--database", "postgresql://user:secret@host:port/name"], "user:***@host:port/name"),
     ],
 )

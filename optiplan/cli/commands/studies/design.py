@@ -46,12 +46,11 @@ def design(study: Study, budget: Seconds = None, out: Out = None, as_json: AsJso
 
     Exit code: 0 there is a front · 2 bad input · 3 no design meets what is required · 130 interrupted.
     """
+    from optiplan.api.studies.designing import RESULT, save_design
     from optiplan.api.studies.designing import design as search
-    from optiplan.api.studies.designing import save_design
-    from optiplan.runs.run_folder import check_folder
 
     if out is not None:
-        check_folder(out)
+        RESULT.check(out)
     try:
         with interruptible(), stdout_is_ours(), ProgressLine() as progress:
             found = search(study, budget=budget, progress=progress)

@@ -53,12 +53,12 @@ def place(
     from math import radians
 
     from optiplan.api.loading import load_problem
+    from optiplan.api.studies.placing import RESULT
     from optiplan.api.studies.placing import place as search
     from optiplan.planners.tours.placing import PlaceRange
-    from optiplan.runs.run_folder import check_folder
 
     if out is not None:
-        check_folder(out)
+        RESULT.check(out)
     with stdout_is_ours(), ProgressLine() as progress:
         problem = load_problem(task)
         where = PlaceRange(x, y, z, radians(yaw), points)

@@ -134,6 +134,10 @@ def test_ctrl_c_between_the_proofs_keeps_the_compromise(optiplan, study, tmp_pat
     study.write_text(STUDY + "require: {reach_volume: {least: 1000}}\n")
     optiplan("design", str(study), "--out", str(tmp_path / "out"))
     assert not (tmp_path / "out" / "robot.yaml").exists()
+    (tmp_path / "out" / "robot.yaml").write_text("my own")
+    code, _, err = optiplan("design", str(study), "--out", str(tmp_path / "out"))
+    assert (code, (tmp_path / "out" / "robot.yaml").read_text()) == (2, "my own")
+    assert "robot.yaml: out: a file that no earlier result left there" in err
 
 
 def test_ctrl_c_waits_while_a_study_is_saved(optiplan, study, tmp_path, monkeypatch):
@@ -141,7 +145,7 @@ def test_ctrl_c_waits_while_a_study_is_saved(optiplan, study, tmp_path, monkeypa
         os.kill(os.getpid(), signal.SIGINT)
         raise OSError(errno.ENOSPC, "no space left on device", str(folder))
 
-    monkeypatch.setattr("optiplan.api.studies.designing.write_result", write)
+    monkeypatch.setattr("optiplan.api.studies.result_folder.write_together", write)
     seen = []
     with handling((signal.SIGINT,), lambda *_: seen.append("pressed")):
         code, out, err = optiplan("design", str(study), "--out", str(tmp_path / "out"))

@@ -5,7 +5,7 @@ import re
 import pytest
 
 import optiplan as op
-from optiplan.api.studies.placing import _with_robot
+from optiplan.api.studies.placing import RESULT, _with_robot
 
 TASK = """version: 1
 name: three
@@ -39,8 +39,7 @@ def test_a_base_is_found_and_written(optiplan, task, tmp_path):
 
 def test_json_of_a_task_out_of_reach(optiplan_json, task, tmp_path):
     task.write_text(TASK.replace("0.45, 0.2", "4.5, 0.2"))
-    for name in ("place.html", "problem.yaml"):
-        (tmp_path / name).write_text("of an earlier result")
+    RESULT.write(tmp_path, {"place.html": b"a page", "problem.yaml": b"of an earlier result"})
     code, data = optiplan_json("place", "ur5", str(task), *FEW, "--out", str(tmp_path))
     assert code == data["exit_code"] == 3
     assert data["files"] == [str(tmp_path / name) for name in ("place.png", "place.html")]
@@ -50,6 +49,19 @@ def test_json_of_a_task_out_of_reach(optiplan_json, task, tmp_path):
     assert data["scored"] >= 4
     assert data["unverified"][0]["moved"] == [0.0] * 4
     assert "goal" in data["unverified"][0]["why"]
+
+
+@pytest.mark.parametrize("earlier", [{}, {"place.html": b"a page"}, {"place.html": b"a page", "problem.yaml": b"x"}])
+def test_the_problem_itself_is_neither_replaced_nor_removed(optiplan, tmp_path, earlier):
+    """Also where the folder has the page of an earlier result, or its `problem.yaml` was edited since."""
+    if earlier:
+        RESULT.write(tmp_path, earlier)
+    (tmp_path / "problem.yaml").write_text(TASK)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    code, _, err = optiplan("place", "ur5", str(tmp_path / "problem.yaml"), *FEW, "--out", str(tmp_path))
+    assert code == 2
+    assert "problem.yaml: out: a file that no earlier result left there, or that was changed since; expected" in err
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 def test_a_budget_that_the_map_uses_up_leaves_a_second_for_each_plan(optiplan_json, task):
