@@ -1,7 +1,7 @@
 "use strict";
 // Benches: what is compared is chosen, and tables grow while runs end.
 (() => {
-  const { byId, make, post, get } = Page, OFTEN = 1000, SELDOM = 5000; // ms
+  const { byId, make, post, get } = Page, OFTEN = 1000, SELDOM = 30000; // ms
   let texts = {};
 
   const chosen = (id) => [...byId(id).selectedOptions].map((option) => option.value);
@@ -42,19 +42,13 @@
     await show();
   }
 
-  let waiting = 0, drawn = "";
-  async function show() {
-    let wait = SELDOM; // another page may begin one
-    try {
-      const benches = await get("api/benches"), now = JSON.stringify(benches);
-      if (now !== drawn) byId("benches").replaceChildren(...(benches.length ? benches.map(panel) : [make("p", { className: "none", textContent: "No benches yet." })]));
-      drawn = now;
-      if (benches.some((one) => one.status === "running")) wait = OFTEN;
-    } finally {
-      clearTimeout(waiting);
-      waiting = setTimeout(show, wait);
-    }
-  }
+  let drawn = "";
+  const show = Page.watching(async () => {
+    const benches = await get("api/benches"), now = JSON.stringify(benches);
+    if (now !== drawn) byId("benches").replaceChildren(...(benches.length ? benches.map(panel) : [make("p", { className: "none", textContent: "No benches yet." })]));
+    drawn = now;
+    return benches.some((one) => one.status === "running");
+  }, OFTEN, SELDOM);
 
   byId("submit").addEventListener("click", async () => {
     const seeds = Array.from({ length: Number(byId("seeds").value) }, (_, k) => k), budget = Number(byId("budget").value);

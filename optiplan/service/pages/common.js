@@ -55,23 +55,40 @@ const Page = (() => {
   addEventListener("beforeunload", () => { leaving = true; setTimeout(() => { leaving = false; }, 3000); });
   addEventListener("unhandledrejection", (event) => { if (away || leaving) event.preventDefault(); });
 
-  async function post(path, data) {
-    const answer = await ask(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(data) });
-    return { status: answer.status, data: answer.status === 204 ? null : await answer.json() };
+  // One answer, {status, data}, whatever it says.
+  async function said(path, options = { method: "GET" }) {
+    const answer = await ask(path, options), text = await answer.text(), { status, statusText } = answer;
+    try { return { status, data: status === 204 ? null : JSON.parse(text) }; } catch (error) {
+      if (answer.ok) throw error;
+      return { status, data: { error: `${status} ${statusText}` } }; // a proxy's page
+    }
+  }
+
+  const post = (path, data) => said(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(data) });
+  const back = () => new Promise((go) => { if (away) addEventListener("optiplan:back", go, { once: true }); else setTimeout(go, AGAIN); });
+
+  // What takes the server work, while it is `wanted`: {status, data}, asked for a few times, since it may fail at this very thing; null once it is not.
+  async function tried(path, wanted, times = 5) {
+    for (;;) {
+      const answer = await said(path).catch(() => null);
+      if (!wanted()) return null;
+      if (answer && (!failing(answer) || --times <= 0)) return answer;
+      await back();
+    }
   }
 
   // The answer at an address, with its whole text, however long it takes: while there is none, or none of use, the page says why.
   async function answered(path) {
     for (;;) {
       const answer = await ask(path).catch(() => null), text = answer && (await answer.text().catch(() => null));
-      if (answer && text === null) lost(SILENT, path); // it broke off
+      if (answer && text === null) { if (!leaving) lost(SILENT, path); } // it broke off
       else if (answer && !failing(answer)) return { ok: answer.ok, status: answer.status, text };
       else if (answer) {
         let said = `${answer.status} ${answer.statusText}`;
         try { said = JSON.parse(text).error || said; } catch { /* a proxy's page */ }
         lost(`The server says: ${said}. This page goes on by itself when it can.`, path);
       }
-      await new Promise((go) => { if (away) addEventListener("optiplan:back", go, { once: true }); else setTimeout(go, AGAIN); });
+      await back();
     }
   }
 
@@ -92,13 +109,10 @@ const Page = (() => {
     return events;
   }
 
-  // Of many wishes in a row only the last is asked for, one at a time.
+  // Of many wishes in a row only the last is asked for, one at a time; each ends when none is left.
   function latest(work) {
-    let busy = false, wish = null;
-    return async (...given) => {
-      wish = given;
-      if (busy) return;
-      busy = true;
+    let busy = false, wish = null, all = null;
+    async function run() {
       try {
         while (wish) {
           const now = wish;
@@ -106,6 +120,26 @@ const Page = (() => {
           await work(...now);
         }
       } finally { busy = false; }
+    }
+    return (...given) => {
+      wish = given;
+      if (busy) return all;
+      busy = true;
+      return (all = run());
+    };
+  }
+
+  // Looks at what others change, too: `show` says whether anything runs, and is called again, often while it does.
+  // A page that nobody sees looks when it is seen again.
+  function watching(show, often, seldom) {
+    let waiting = 0;
+    return async function look() {
+      clearTimeout(waiting);
+      let wait = seldom;
+      try { if (await show()) wait = often; } finally {
+        clearTimeout(waiting);
+        waiting = setTimeout(() => { if (document.visibilityState === "visible" || wait === often) look(); else addEventListener("visibilitychange", look, { once: true }); }, wait);
+      }
     };
   }
 
@@ -128,5 +162,5 @@ const Page = (() => {
     for (const [name, value] of Object.entries({ d, fill: "none", stroke: colour, "stroke-width": "2", "vector-effect": "non-scaling-stroke" })) line.setAttribute(name, value);
     svg.append(line);
   }
-  return { byId, make, ask, post, get, stream, latest, named, drawn };
+  return { byId, make, ask, post, get, tried, stream, latest, watching, named, drawn };
 })();

@@ -1,8 +1,8 @@
 "use strict";
 // A motion that is executed: its states are drawn as they come; speed, stop and obstacles that are dragged are sent back.
 (() => {
-  const { byId, make, post, get, latest } = Page, KNOBS = ["stop", "pause", "resume", "reverse"], STALE = 1000, STILL = 120, LEASE = 3; // ms, ms, s
-  const live = { id: null, events: null, last: null, states: 0, heard: 0, strips: null, motion: -1, seen: [] };
+  const { byId, make, post, get, tried, latest } = Page, KNOBS = ["stop", "pause", "resume", "reverse"], STALE = 1000, STILL = 120, LEASE = 3; // ms, ms, s
+  const live = { id: null, events: null, last: null, states: 0, heard: 0, strips: null, motion: -1, seen: [], drawn: null, turns: 0, sent: null };
   const LEASED = "optiplan.lease"; // the execution that goes on only while this tab is there
   let motions = {};
 
@@ -42,7 +42,7 @@
     scene.show({ ...data.scene, targets: [] }, null);
     if (data.scene.runs.length) scene.motion(data.scene.runs[0]);
     const movable = scene.obstacles.children.some((one) => !one.userData.fixed);
-    byId("hint").textContent = movable ? "Drag obstacles, with shift up and down." : "This scene has no obstacle to drag.";
+    byId("hint").textContent = scene.missing ? "" : movable ? "Drag obstacles, with shift up and down." : "This scene has no obstacle to drag.";
   }
 
   // A motion that can be chosen, under a name of its own: what asks for it.
@@ -57,20 +57,28 @@
     byId("motion").value = run || id;
   }
 
+  // Whether what is about to be drawn is still the last that was wanted.
+  function wanted() {
+    const mine = live.drawn = {};
+    return () => live.drawn === mine;
+  }
+
+  // The motion of an execution, also of one that has ended.
   async function show(id) {
-    const data = await get(`api/executions/${id}/scene`); // however long it takes
-    if (live.id !== id) return;
-    if (data && data.scene) shown(data);
-    else byId("hint").textContent = "What is drawn may be of another motion: " + (data ? data.error : "the server has no scene of this one");
+    const answer = await tried(`api/executions/${id}/scene`, wanted());
+    if (!answer) return;
+    if (answer.data.scene) shown(answer.data);
+    else byId("hint").textContent = "What is drawn may be of another motion: " + answer.data.error;
     if (live.last) place(live.last);
   }
 
   // The motion that is chosen, before it begins.
   const preview = latest(async () => {
-    const { run, problem, execution } = motions[byId("motion").value], path = run ? `api/runs/${run}/scene` : `api/executions/${execution}/scene`;
-    const data = problem ? (await post("api/scene", { problem })).data : await get(path);
     if (live.id) return;
-    if (data && data.scene) shown(data); else byId("hint").textContent = data ? data.error : "The server does not know this motion any more.";
+    const { run, problem, execution } = motions[byId("motion").value], last = wanted();
+    const answer = await (problem ? post("api/scene", { problem }) : tried(run ? `api/runs/${run}/scene` : `api/executions/${execution}/scene`, last, 1)).catch(() => null);
+    if (!answer || !last()) return;
+    if (answer.data.scene) shown(answer.data); else byId("hint").textContent = "This motion cannot be drawn: " + answer.data.error;
   });
 
   async function begin() {
@@ -188,9 +196,14 @@
   byId("speed").addEventListener("input", () => {
     byId("wanted").textContent = byId("speed").value + " %";
     live.turned = true; // what the robot says of its speed does not move the slider in the hand
-    override(byId("speed").value / 100);
+    live.turns++;
+    live.sent = override(byId("speed").value / 100);
   });
-  byId("speed").addEventListener("change", () => { live.turned = false; });
+  for (const end of ["change", "pointerup", "pointercancel", "blur"]) byId("speed").addEventListener(end, async () => { // nor before the robot knows of it
+    const { turns } = live;
+    await live.sent;
+    if (turns === live.turns) live.turned = false;
+  });
   setInterval(look, 500);
   setInterval(() => { if (live.id && byId("lease").checked) send("alive"); }, (1000 * LEASE) / 3);
   window.optiplanExecution = { scene, live };

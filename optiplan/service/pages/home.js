@@ -52,7 +52,7 @@
 
   // ---- what is listed: the newest runs, older ones on demand; all that the filters let through
   const PAGE = 60, MOST = 500, COMPARED = 8, OFTEN = 1000, SELDOM = 4000; // runs a page, and of one look; ms between two looks while anything runs, and while nothing does
-  let runs = [], older = false, waiting = 0, drawn = "", listed = "";
+  let runs = [], older = false, drawn = "", listed = "";
 
   function wanted(run) {
     const words = byId("search").value.toLowerCase().split(/\s+/).filter(Boolean), about = `${run.name} ${run.planner} ${run.robot} ${run.id}`.toLowerCase(), verdict = byId("verdict").value;
@@ -86,22 +86,16 @@
     byId("more").hidden = !older;
   }
 
-  async function show() {
-    let wait = SELDOM;
-    try {
-      const limit = Math.min(MOST, Math.max(PAGE, runs.length)); // older ones that are shown change, too
-      const { runs: newest, counts } = await get(`api/runs?limit=${limit}`), whole = newest.length < limit;
-      if (whole || !runs.length) older = !whole;
-      const last = newest.length ? newest.at(-1).submitted : 0;
-      runs = whole ? newest : [...newest, ...runs.filter((run) => run.submitted < last)];
-      draw();
-      byId("counts").textContent = Object.entries(counts).map(([state, count]) => `${count} ${state}`).join(" · ");
-      if (counts.queued || counts.running) wait = OFTEN;
-    } finally {
-      clearTimeout(waiting);
-      waiting = setTimeout(show, wait);
-    }
-  }
+  const show = Page.watching(async () => {
+    const limit = Math.min(MOST, Math.max(PAGE, runs.length)); // older ones that are shown change, too
+    const { runs: newest, counts } = await get(`api/runs?limit=${limit}`), whole = newest.length < limit;
+    if (whole || !runs.length) older = !whole;
+    const last = newest.length ? newest.at(-1).submitted : 0;
+    runs = whole ? newest : [...newest, ...runs.filter((run) => run.submitted < last)];
+    draw();
+    byId("counts").textContent = Object.entries(counts).map(([state, count]) => `${count} ${state}`).join(" · ");
+    return counts.queued || counts.running;
+  }, OFTEN, SELDOM);
 
   let stored = "";
   async function showProblems() {

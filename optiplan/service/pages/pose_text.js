@@ -1,13 +1,13 @@
 "use strict";
 // Poses of the scene as edits of the text: in the frame and in the notation that the file has; what stays is not written.
 const PoseText = (() => {
-  const THREE = MeshCat.THREE, DEGREE = Math.PI / 180;
+  const THREE = MeshCat.THREE, DEGREE = Math.PI / 180, SURFACE_GAP = 0.01; // m between a surface and the goal on it
   // What is dragged is written to 1 mm, 1e-4 rad and 0.01°; what is typed, as it is typed, but for what computing adds. `still`: less is no change.
   const DRAGGED = { metre: 1e-3, radian: 1e-4, degree: 0.01, unit: 1e-6, still: 1e-6, turn: 1e-4 }, TYPED = { metre: 1e-9, radian: 1e-7, degree: 1e-5, unit: 1e-9, still: 1e-9, turn: 1e-6 };
   const round = (x, step) => Math.round(x / step) * step;
 
-  // A pose [x, y, z, qx, qy, qz, qw] as a matrix.
-  const matrix = (pose) => new THREE.Matrix4().compose(new THREE.Vector3(...pose), new THREE.Quaternion(...pose.slice(3)), new THREE.Vector3(1, 1, 1));
+  // A pose [x, y, z, qx, qy, qz, qw] as a matrix; a quaternion of a file is of length 1 only to its few digits.
+  const matrix = (pose) => new THREE.Matrix4().compose(new THREE.Vector3(...pose), new THREE.Quaternion(...pose.slice(3)).normalize(), new THREE.Vector3(1, 1, 1));
 
   function pose(matrix) {
     const position = new THREE.Vector3(), quaternion = new THREE.Quaternion();
@@ -58,5 +58,12 @@ const PoseText = (() => {
 
   // A pose of the world as the file would say it anew.
   const said = (X_WB, to = DRAGGED) => ({ position: X_WB.slice(0, 3).map((x) => round(x, to.metre)), rpy: angles(X_WB.slice(3)).map((x) => round(x, to.radian)) });
-  return { read, edits, said, angles, fromAngles, round, TYPED };
+
+  // The pose `before` on a surface: 1 cm above it, the z axis into it; the turn about it is as near as can be to that of before.
+  function onSurface(point, normal, before) {
+    const n = new THREE.Vector3(...normal).normalize(), turned = new THREE.Quaternion(...before.slice(3)), z = new THREE.Vector3(0, 0, 1).applyQuaternion(turned);
+    const q = new THREE.Quaternion().setFromUnitVectors(z, n.clone().negate()).multiply(turned);
+    return [...point.map((x, k) => x + SURFACE_GAP * n.getComponent(k)), ...q.toArray()];
+  }
+  return { read, edits, said, onSurface, angles, fromAngles, round, TYPED };
 })();

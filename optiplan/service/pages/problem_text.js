@@ -160,6 +160,16 @@ const ProblemText = (() => {
     return [...edits].sort((a, b) => b.from - a.from).reduce((now, { from, to, insert }) => now.slice(0, from) + insert + now.slice(to), text);
   }
 
+  // One edit that turns a text into another: what both have at their begin and end stays.
+  function difference(before, after) {
+    if (before === after) return [];
+    let head = 0, tail = 0;
+    const most = Math.min(before.length, after.length);
+    while (head < most && before[head] === after[head]) head++;
+    while (tail < most - head && before.at(-1 - tail) === after.at(-1 - tail)) tail++;
+    return [{ from: head, to: before.length - tail, insert: after.slice(head, after.length - tail) }];
+  }
+
   // Index of the entry called `name` in the list at `path`; -1 where there is none.
   function named(text, path, name) {
     const list = at(parse(text).contents, path);
@@ -192,5 +202,5 @@ const ProblemText = (() => {
       if (!node) return { path, node: null };
     }
   }
-  return { set, add, remove, value, sound, applied, named, place, around, flow };
+  return { set, add, remove, value, sound, applied, difference, named, place, around, flow };
 })();

@@ -1,9 +1,9 @@
 "use strict";
 // The studio: the text is the truth; the scene shows what it says, and writes into it.
 (() => {
-  const { byId, make, post, get, latest } = Page, SURFACE_GAP = 0.01; // m between a surface and the goal on it
+  const { byId, make, post, get, latest } = Page, AGAIN = 2000, TRIES = 3; // ms, and how often what failed is asked for again
   const ELSEWHERE = "No ways to reach it are shown: at the start the robot lacks the frame of this pose, or this step does not move all joints that carry it.";
-  const state = { valid: "", problem: null, hash: "", q: [], start: [], asked: 0, handles: [], active: 0, chosen: null, coming: null, branches: [], branch: -1, examples: {}, opened: "", opening: 0, behind: true };
+  const state = { valid: "", problem: null, hash: "", q: [], start: [], asked: 0, handles: [], active: 0, chosen: null, coming: null, branches: [], branch: -1, examples: {}, opened: "", opening: 0, behind: true, written: "", wishes: [], refusals: 0, tries: 0 };
   const names = { robots: [], planners: [] };
   const NO_END = Object.fromEntries(["joints", "joints_deg", "configuration", "pose", "region", "all_of", "any_of"].map((key) => [key, undefined])); // to be spread before the one that is meant
   const WRITTEN_OUT = ["for", "do", "either", "pick", "place"]; // steps that are several ones in the problem
@@ -15,47 +15,50 @@
   const scene = StudioScene.begin(byId("pane"), {
     goal(pose, ended, index) {
       if (index !== undefined) { activate(index); return; }
-      if (ended) moved(pose);
-      solve(pose);
+      if (!ended || moved(pose)) solve(pose); // why it was refused stays to be read
     },
     obstacle: (name, pose) => placed(name, pose),
     selected: (name) => choose(name),
-    resized(name, shape, pose, ended) { if (ended && body(name) && here(name)) write(sized(name, pulled(shape, body(name).shape)), placement(name, pose)); },
+    resized(name, shape, pose, ended) {
+      const before = body(name) && body(name).shape;
+      if (ended && before && here(name)) write(own(name, (text, at) => ProblemText.set(text, [...at, "shape"], pulled(shape, before, body(name).shape))), placement(name, pose));
+    },
     branch: (k) => takeBranch(k),
-    surface: (point, normal) => { point_at(false); moved(onSurface(point, normal)); },
+    surface: (point, normal) => { point_at(false); moved(PoseText.onSurface(point, normal, state.handles[state.active] ? state.handles[state.active].pose : state.tool)); },
   });
 
   // ---- what the scene writes into the text: each wish is one step of the history
+  // A wish makes edits of the text that the scene shows. What the scene wrote last is drawn first: until then wishes wait.
   function write(...wishes) {
     let text = editor.text();
     const before = text;
-    if (state.behind || !ProblemText.sound(text)) { // the scene shows what the text last said
-      redraw();
-      tell("The scene shows an earlier text: mend what is wrong with it first, then drag.");
+    if (state.behind || ![state.valid, state.written].includes(text) || !ProblemText.sound(text)) {
+      refuse();
       return false;
     }
+    if (text !== state.valid) { state.wishes.push(wishes); return true; }
     for (const edits of wishes) text = ProblemText.applied(text, edits(text));
-    editor.edit(difference(before, text));
+    editor.edit(ProblemText.difference(before, text));
+    state.written = text;
     check();
     return true;
   }
 
-  // One edit that turns a text into another: what both have at their begin and end stays.
-  function difference(before, after) {
-    if (before === after) return [];
-    let head = 0, tail = 0;
-    const most = Math.min(before.length, after.length);
-    while (head < most && before[head] === after[head]) head++;
-    while (tail < most - head && before.at(-1 - tail) === after.at(-1 - tail)) tail++;
-    return [{ from: head, to: before.length - tail, insert: after.slice(head, after.length - tail) }];
+  // The scene shows what the text said before: it goes back to that, and writes nothing.
+  function refuse() {
+    state.wishes = [];
+    state.refusals++;
+    redraw();
+    tell("The scene shows an earlier text, which is not checked or has a mistake by now: drag again once it is drawn anew.");
   }
 
-  const place = (name) => ["scene", "obstacles", ProblemText.named(editor.text(), ["scene", "obstacles"], name)];
+  const place = (name, text = editor.text()) => ["scene", "obstacles", ProblemText.named(text, ["scene", "obstacles"], name)];
   const body = (name) => (state.problem ? state.problem.scene.obstacles.find((one) => one.name === name) : undefined);
-  const placement = (name, pose, to) => (text) => PoseText.edits(text, [...place(name), "pose"], PoseText.read(body(name).pose), pose, to);
-  const sized = (name, shape) => (text) => ProblemText.set(text, [...place(name), "shape"], shape);
-  // A shape whose knob was pulled, to 1 mm; sizes that are as before stay to the last digit.
-  const pulled = (value, before) => (typeof value === "number" ? (value === before ? value : PoseText.round(value, 1e-3)) : Array.isArray(value) ? value.map((one, k) => pulled(one, before[k])) : Object.fromEntries(Object.entries(value).map(([key, one]) => [key, pulled(one, before[key])])));
+  // Edits of an obstacle at its place in the text; none where it is gone by then.
+  const own = (name, edits) => (text) => (body(name) && place(name, text)[2] >= 0 ? edits(text, place(name, text)) : []);
+  const placement = (name, pose, to) => own(name, (text, at) => PoseText.edits(text, [...at, "pose"], PoseText.read(body(name).pose), pose, to));
+  // A shape whose knob was pulled, to 1 mm; sizes that are as before stay as the text has them now, to the last digit.
+  const pulled = (value, before, now) => (typeof value === "number" ? (value === before ? now : PoseText.round(value, 1e-3)) : Array.isArray(value) ? value.map((one, k) => pulled(one, before[k], now[k])) : Object.fromEntries(Object.entries(value).map(([key, one]) => [key, pulled(one, before[key], now[key])])));
 
   // Whether an obstacle stands in this text, and not in a file that it names, or no more.
   function here(name) {
@@ -66,48 +69,53 @@
 
   function placed(name, pose) { if (here(name)) write(placement(name, pose)); }
 
+  // Where the end stands that a handle is the pose of.
+  const end = (handle) => (!handle ? ["goal"] : handle.path.at(-1) === "pose" ? handle.path.slice(0, -1) : handle.path);
+
   // The pose that is dragged or typed goes to where the file has it; an end of joint values becomes a pose.
   function moved(pose, to) {
-    const handle = state.handles[state.active];
-    if (!handle || handle.joints) write((text) => ProblemText.set(text, handle ? handle.path : ["goal"], { ...NO_END, velocity: undefined, acceleration: undefined, pose: PoseText.said(pose, to) }));
-    else write((text) => PoseText.edits(text, handle.path, handle.pose, pose, to));
+    const path = end(state.handles[state.active]), named = path.join();
+    return write((text) => {
+      const handle = state.handles.find((one) => end(one).join() === named);
+      if (handle && !handle.joints) return PoseText.edits(text, handle.path, handle.pose, pose, to);
+      return ProblemText.set(text, path, { ...NO_END, velocity: undefined, acceleration: undefined, pose: PoseText.said(pose, to) });
+    });
+  }
+
+  // A name that no obstacle has.
+  function fresh(stem, k) {
+    const taken = new Set(state.problem.scene.obstacles.map(({ name }) => name));
+    while (taken.has(`${stem}_${k}`)) k++;
+    return `${stem}_${k}`;
   }
 
   function add(kind) {
-    const shapes = { box: [0.1, 0.1, 0.1], sphere: 0.06, cylinder: { radius: 0.05, length: 0.4 } }, taken = new Set(state.problem.scene.obstacles.map((one) => one.name));
-    let k = 1;
-    while (taken.has(`${kind}_${k}`)) k++;
+    const shapes = { box: [0.1, 0.1, 0.1], sphere: 0.06, cylinder: { radius: 0.05, length: 0.4 } };
     const goal = state.handles[state.active], tool = state.tool, middle = goal ? goal.pose.slice(0, 3).map((x, j) => 0.5 * (x + tool[j])) : tool.slice(0, 3);
-    put({ name: `${kind}_${k}`, shape: { [kind]: shapes[kind] }, pose: { position: middle.map((x) => PoseText.round(x, 1e-3)) } });
+    write((text) => put(text, { name: fresh(kind, 1), shape: { [kind]: shapes[kind] }, pose: { position: middle.map((x) => PoseText.round(x, 1e-3)) } }));
   }
 
-  function put(one) {
+  function put(text, one) {
     state.coming = one.name; // chosen once the scene has it: an older answer may still come before
-    write((text) => ProblemText.add(text, ["scene", "obstacles"], one));
+    return ProblemText.add(text, ["scene", "obstacles"], one);
+  }
+
+  // Another like this one, beside it.
+  function double(name) {
+    return own(name, (text, at) => {
+      const one = ProblemText.value(text, at), [x, y, z] = PoseText.read(one.pose);
+      return put(text, { ...one, name: fresh(name, 2), pose: { ...one.pose, position: [x, y + 0.1, z] } });
+    });
   }
 
   function does(what, value) {
-    const { chosen } = state, at = place(chosen);
+    const { chosen } = state;
     if (!here(chosen)) return;
     if (what === "pose") write(placement(chosen, value, PoseText.TYPED));
-    else if (what === "shape") write(sized(chosen, value));
-    else if (what === "show") editor.show(ProblemText.place(editor.text(), at));
-    else if (what === "remove") { choose(null); write((text) => ProblemText.remove(text, at)); }
-    else {
-      const one = ProblemText.value(editor.text(), at), taken = new Set(state.problem.scene.obstacles.map(({ name }) => name));
-      let k = 2;
-      while (taken.has(`${chosen}_${k}`)) k++;
-      const [x, y, z] = PoseText.read(one.pose);
-      put({ ...one, name: `${chosen}_${k}`, pose: { ...one.pose, position: [x, y + 0.1, z] } });
-    }
-  }
-
-  // The tool's z axis goes into the surface; its turn about it is as near as can be to that of before.
-  function onSurface(point, normal) {
-    const THREE = MeshCat.THREE, n = new THREE.Vector3(...normal).normalize(), before = state.handles[state.active] ? state.handles[state.active].pose : state.tool;
-    const turned = new THREE.Quaternion(...before.slice(3)), z = new THREE.Vector3(0, 0, 1).applyQuaternion(turned);
-    const q = new THREE.Quaternion().setFromUnitVectors(z, n.clone().negate()).multiply(turned);
-    return [...point.map((x, k) => x + SURFACE_GAP * n.getComponent(k)), ...q.toArray()];
+    else if (what === "shape") write(own(chosen, (text, at) => ProblemText.set(text, [...at, "shape"], value)));
+    else if (what === "show") editor.show(ProblemText.place(editor.text(), place(chosen)));
+    else if (what === "remove") { if (write(own(chosen, (text, at) => ProblemText.remove(text, at)))) choose(null); }
+    else write(double(chosen));
   }
 
   function point_at(on) {
@@ -141,18 +149,20 @@
   function fields() {
     const one = state.chosen && body(state.chosen), handle = state.handles[state.active];
     const shown = one ? StudioCard.obstacle({ ...one, pose: PoseText.read(one.pose), fixed: "half_space" in one.shape }, does)
-      : handle ? StudioCard.handle(handle, (what, pose) => (what === "show" ? editor.show(ProblemText.place(editor.text(), handle.path)) : (moved(pose, PoseText.TYPED), solve(pose)))) : [];
+      : handle ? StudioCard.handle(handle, (what, pose) => (what === "show" ? editor.show(ProblemText.place(editor.text(), handle.path)) : moved(pose, PoseText.TYPED) && solve(pose))) : [];
     byId("fields").replaceChildren(...shown);
     byId("chosen").firstElementChild.textContent = one ? `${one.name} · ${Object.keys(one.shape)[0].replace("_", " ")}` : handle ? handle.label : "";
     byId("chosen").hidden = !shown.length;
   }
 
-  // ---- branches of the goal
-  const solve = latest(async (pose) => {
-    if (!state.drawn) return;
-    const { opening } = state, { frame } = state.handles[state.active] || {};
+  // ---- branches of the goal; those of another text, or of a pose that was refused since, are not shown
+  const solve = (pose) => branch(pose, state.opening, state.refusals);
+  const branch = latest(async (pose, ...asked) => {
+    const old = () => asked[0] !== state.opening || asked[1] !== state.refusals;
+    if (!state.drawn || old()) return;
+    const { frame } = state.handles[state.active] || {};
     const { status, data } = frame === null ? { status: 200, data: { branches: [], reason: ELSEWHERE } } : await post("api/ik", { problem: state.valid, pose, near: state.q, frame });
-    if (status !== 200 || opening !== state.opening) return;
+    if (status !== 200 || old()) return;
     Object.assign(state, { branches: data.branches, branch: -1, solved: pose });
     ghosts(data.reason);
   });
@@ -187,15 +197,15 @@
   // The goal, or the end of the step that is active, becomes the joint values of a branch.
   function useBranch() {
     const handle = state.handles[state.active], { q } = state.branches[state.branch];
-    useJoints(!handle ? ["goal"] : handle.joints ? handle.path : handle.path.slice(0, -1), handle ? handle.moves.map((j) => q[j]) : q);
+    useJoints(end(handle), handle ? handle.moves.map((j) => q[j]) : q);
   }
 
   // ---- the text is checked and drawn
   const check = latest(async () => {
-    const asked = ++state.asked, problem = editor.text();
+    const asked = ++state.asked, problem = editor.text(), ask = (path) => post(path, { problem }).catch(() => null);
     clearTimeout(typing);
-    let answer;
-    try { answer = await post("api/problems/validate", { problem }); } catch (gone) { unknown(); return; }
+    const answer = await ask("api/problems/validate");
+    if (!answer) { unknown(); return; }
     if (asked !== state.asked) return;
     const { status, data } = answer, issues = status === 200 ? data.issues : [{ line: null, field: "", found: data.error, expected: "" }];
     byId("issues").replaceChildren(...(issues.length ? issues.map(shownIssue) : [make("div", { className: "fine", textContent: "valid" })]));
@@ -204,19 +214,23 @@
     if (issues.length) { StudioRun.clear(editor.text()); behind(true, status); return; }
     if (state.hash && data.hash !== state.hash) StudioRun.clear(editor.text());
     state.hash = data.hash;
-    const drawn = await post("api/scene", { problem });
+    const drawn = await ask("api/scene");
+    if (!drawn) { unknown(); return; }
     if (asked !== state.asked) return;
     behind(drawn.status !== 200, drawn.status);
     if (state.behind) { tell(`The scene is not drawn anew: ${drawn.data.error}`); return; }
     state.valid = problem;
     draw(drawn.data);
+    if (state.wishes.length) write(...state.wishes.shift());
   });
 
   // Whether the scene is behind the text: it shows an earlier one, or none, and writes nothing until it is drawn anew.
-  // A server that was too busy for it is asked again.
+  // A server that was too busy for it is asked again; where it fails, a few times: a text may be what it fails at.
   function behind(yes, status = 200) {
     state.behind = yes;
-    if (status === 429 || status === 503) typing = setTimeout(check, 2000);
+    if (!yes) state.tries = 0;
+    if (yes && state.wishes.length) refuse();
+    if (status === 429 || (status === 503 && state.tries++ < TRIES)) typing = setTimeout(check, AGAIN);
     for (const id of ["add", "surface", "start", "goal", "take", "record", "play"]) byId(id).disabled = yes;
   }
 
@@ -226,6 +240,7 @@
   function unknown() {
     byId("issues").replaceChildren(make("div", { className: "none", textContent: "The server does not answer: the text is not checked. It is kept in this browser." }));
     byId("plan").disabled = byId("store").disabled = true;
+    behind(true);
   }
 
   const said = (issue) => `${issue.field}: ${issue.found}` + (issue.expected ? `; expected ${issue.expected}` : "");
@@ -321,13 +336,14 @@
 
   function keep(text) {
     byId("stored").textContent = "";
+    state.tries = 0;
     if (!Drafts.keep(text, state.opened)) byId("stored").textContent = "this browser keeps no draft";
   }
 
   function open(text, undoable) {
     const edited = editor.text() && editor.text() !== state.opened;
     state.opened = text;
-    Object.assign(state, { start: [], q: [], joints: [], handles: [], problem: null, drawn: null, valid: "", chosen: null, active: 0, opening: state.opening + 1, asked: state.asked + 1 }); // what was asked about another text is not drawn
+    Object.assign(state, { start: [], q: [], joints: [], handles: [], problem: null, drawn: null, valid: "", written: "", wishes: [], chosen: null, active: 0, opening: state.opening + 1, asked: state.asked + 1 }); // what was asked about another text is not drawn
     noWays();
     fields();
     sliders();

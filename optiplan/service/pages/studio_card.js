@@ -14,11 +14,13 @@ const StudioCard = (() => {
     return make("div", { className: "row" }, make("span", { textContent: `${label}, ${unit}` }), make("div", {}, ...inputs));
   }
 
+  // What was typed in one row goes with what is typed in the next: the scene may not be drawn anew between them.
   function poseRows(pose, changed) {
-    const turned = PoseText.angles(pose.slice(3)).map((x) => x / DEGREE);
+    const turned = PoseText.angles(pose.slice(3)).map((x) => x / DEGREE), now = [...pose];
+    const typed = (at, values) => { now.splice(at, values.length, ...values); changed([...now]); };
     return [
-      row("Position", "m", pose.slice(0, 3), ["x", "y", "z"], (xyz) => changed([...xyz, ...pose.slice(3)]), 0.01),
-      row("Turned", "°", turned, ["about x", "about y", "about z"], (rpy) => changed([...pose.slice(0, 3), ...PoseText.fromAngles(rpy.map((x) => x * DEGREE))]), 5),
+      row("Position", "m", pose.slice(0, 3), ["x", "y", "z"], (xyz) => typed(0, xyz), 0.01),
+      row("Turned", "°", turned, ["about x", "about y", "about z"], (rpy) => typed(3, PoseText.fromAngles(rpy.map((x) => x * DEGREE))), 5),
     ];
   }
 
@@ -27,8 +29,10 @@ const StudioCard = (() => {
     const [kind] = Object.keys(shape), of = shape[kind];
     if (kind === "box") return [row("Size", "m", of, ["x", "y", "z"], (xyz) => changed({ box: xyz }), 0.01)];
     if (kind === "sphere") return [row("Radius", "m", [of], [], ([radius]) => changed({ sphere: radius }), 0.01)];
-    if (kind === "cylinder" || kind === "capsule")
-      return [row("Radius", "m", [of.radius], [], ([radius]) => changed({ [kind]: { ...of, radius } }), 0.01), row("Length", "m", [of.length], [], ([length]) => changed({ [kind]: { ...of, length } }), 0.01)];
+    if (kind === "cylinder" || kind === "capsule") {
+      const now = { ...of }, typed = (one) => changed({ [kind]: { ...Object.assign(now, one) } });
+      return [row("Radius", "m", [of.radius], [], ([radius]) => typed({ radius }), 0.01), row("Length", "m", [of.length], [], ([length]) => typed({ length }), 0.01)];
+    }
     return [];
   }
 

@@ -1,7 +1,7 @@
 "use strict";
 // The live scene: a robot to be posed, ghosts of all branches, a goal and obstacles to be dragged. Metres, z up.
 const StudioScene = (() => {
-  const THREE = MeshCat.THREE, { makeGeometry, rgb, place } = OptiPlanShapes, { floats } = OptiPlanPacked, { poseOf } = SceneHand;
+  const THREE = MeshCat.THREE, { makeGeometry, rgb, place, undrawn } = OptiPlanShapes, { floats } = OptiPlanPacked, { poseOf } = SceneHand;
   const GOOD = 0x2374c6, BAD = 0xd3261f, CHOSEN = 0x1f9d55, TOUCHING = 0xd3261f;
 
   class Scene {
@@ -242,14 +242,14 @@ const StudioScene = (() => {
     }
   }
 
-  // The scene of a page. Where the browser has no WebGL it draws nothing and says so; what a page does beside it goes on.
+  // The scene of a page. Where it cannot be drawn, as without WebGL, it says why; what a page does beside it goes on.
   function begin(pane, events) {
     try {
       return new Scene(pane, events);
     } catch (error) {
-      pane.replaceChildren(Page.make("p", { className: "trouble", textContent: `The scene needs WebGL, which this browser does not offer; all else is here all the same. (${error.message})` }));
+      pane.replaceChildren(Page.make("p", { className: "trouble", textContent: undrawn(error, "all else is here") }));
       pane.removeAttribute("role"); // there are words to be read now
-      return new Proxy({ events, data: null, pointing: false, obstacles: { children: [] } }, { get: (own, name) => (name in own ? own[name] : () => {}) });
+      return new Proxy({ events, missing: true, data: null, pointing: false, obstacles: { children: [] } }, { get: (own, name) => (name in own ? own[name] : () => {}) });
     }
   }
   return { begin };

@@ -26,7 +26,7 @@
     try {
       return new OptiPlanScene.Scene(data, byId("pane"));
     } catch (error) {
-      byId("trouble").textContent = "The scene needs WebGL, which this browser does not offer; verdict and curves are here all the same. (" + error.message + ")";
+      byId("trouble").textContent = OptiPlanShapes.undrawn(error, "verdict and curves are here");
       byId("trouble").hidden = false;
       byId("pane").replaceChildren();
       return null;
@@ -336,7 +336,7 @@
     choice.addEventListener("change", () => arrange(choice.value));
     label.append(choice);
     byId("runs").prepend(label);
-    app.arrange = (wanted) => { choice.value = wanted; if (choice.value === wanted) arrange(wanted); }; // an address may say anything
+    app.arrange = (wanted) => { if (OptiPlanArrangement.MODES.some(([name]) => name === wanted)) arrange(choice.value = wanted); }; // an address may say anything
   }
   if (data.runs.length) select(app.selected); else byId("dock").hidden = true;
   clock.listen(pose);

@@ -1,7 +1,7 @@
 "use strict";
 // Reached voxels of robots that stand side by side, true to scale. World frame: metres, z up, x to the right.
 const OptiPlanWorkspace = (() => {
-  const THREE = MeshCat.THREE, { floats } = OptiPlanPacked, { makeGeometry, rgb, named, place, palette, triad } = OptiPlanShapes;
+  const THREE = MeshCat.THREE, { floats } = OptiPlanPacked, { makeGeometry, rgb, named, place, palette, triad, undrawn } = OptiPlanShapes;
   const { Labels } = OptiPlanBodies;
   const MISSED = "#d6403a", FILL = 0.82, SMALL = 0.34;
   const LAYERS = { robot: "robots", reached: "reached", missed: "not reached", axes: "axes", sphere: "reach sphere" };
@@ -283,7 +283,7 @@ const OptiPlanWorkspace = (() => {
   }
 
   try { return start(); } catch (error) {
-    $("trouble").textContent = `The scene cannot be drawn: ${error.message}. It needs WebGL; the numbers beside it do not.`;
+    $("trouble").textContent = undrawn(error, "the numbers are here");
     $("trouble").hidden = false;
     const data = JSON.parse($("data").textContent);
     if (!$("captions").children.length) for (const robot of data.robots) $("captions").append(Object.assign(document.createElement("p"), { textContent: robot.caption }));

@@ -40,18 +40,24 @@ const randomEdits = (seed) => {
   const { editor, scene, state } = optiplanStudio, pick = (list) => list[Math.floor(random() * list.length)];
   const random = () => { seed = (seed * 1103515245 + 12345) % 2147483648; return seed / 2147483648; };
   const first = editor.text();
+  const drawn = (act) => { // as if the scene showed this text, of which nothing is asked
+    const { valid, drawn } = state;
+    Object.assign(state, { valid: editor.text(), drawn: null });
+    act();
+    Object.assign(state, { valid, drawn });
+  };
   let edits = 0;
   while (edits < 1000) {
-const sound = ProblemText.sound(editor.text()), act = sound || random() < 0.3 ? Math.floor(random() * 7) : 5;
+    const sound = ProblemText.sound(editor.text()), act = sound || random() < 0.3 ? Math.floor(random() * 7) : 5;
     const at = Math.floor(random() * editor.view.state.doc.length);
     const pose = [0.4 + random(), random() - 0.5, random(), 0, 0, Math.sin(random()), 1];
-    const { name } = pick(state.problem.scene.obstacles);
+    const { name } = pick(state.problem.scene.obstacles.filter(({ shape }) => "box" in shape)); // a plane has no size
     if (act === 0) editor.view.dispatch({ changes: { from: at, insert: pick(["1", " ", "# word", "\n", "x: {"]) }, userEvent: "input.type" });
     else if (act === 1) editor.view.dispatch({ changes: { from: at, to: Math.min(at + 3, editor.view.state.doc.length) }, userEvent: "delete" });
-    else if (act === 2) scene.events.goal(pose, true);
-    else if (act === 3) scene.events.obstacle(name, pose);
-    else if (act === 4) scene.events.resized(name, { box: [0.1 + random(), 0.2, 0.3] }, pose, true);
-    else if (act === 5) for (let k = 0; k < 3 * random(); k++) editor.undo();
+    else if (act === 2) drawn(() => scene.events.goal(pose, true));
+    else if (act === 3) drawn(() => scene.events.obstacle(name, pose));
+    else if (act === 4) drawn(() => scene.events.resized(name, { box: [0.1 + random(), 0.2, 0.3] }, pose, true));
+    else if (act === 5) for (let k = 0; k < 2 * random(); k++) editor.undo();
     else editor.redo();
     edits++;
   }

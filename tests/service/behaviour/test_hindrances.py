@@ -5,7 +5,7 @@ import json
 import pytest
 
 from tests.service.behaviour.test_shell import listed
-from tests.service.browsing import PATIENCE, open_studio, write
+from tests.service.browsing import PATIENCE, open_studio, text_of, write
 from tests.service.conftest import QUICK
 from tests.viewer.browsing import SELDOM
 
@@ -52,6 +52,7 @@ def test_without_webgl_a_motion_is_stopped_and_a_text_is_planned(tab, server):
     tab.goto(f"{server.url}/execution#run={run}")
     tab.wait_for_function("window.optiplanExecution && optiplanExecution.ready")
     assert "needs WebGL" in tab.inner_text("#pane")
+    assert tab.inner_text("#hint") == ""
     tab.click("#begin")
     tab.wait_for_function("optiplanExecution.live.states > 2")
     tab.click("#stop")
@@ -101,8 +102,29 @@ def test_an_execution_is_drawn_once_its_scene_comes_and_its_slider_stays_in_the_
     assert tab.evaluate("optiplanExecution.scene.objects.meshes.map((one) => one.visible)") == [False]
     tab.evaluate("optiplanExecution.scene.show(optiplanExecution.scene.data, null)")
     assert tab.evaluate("optiplanExecution.scene.objects") is None
+
+    held = []
+    tab.route("**/override", lambda route: route.continue_() if held is None else held.append(route))
+    for key, wanted in (("ArrowLeft", "49"), ("ArrowLeft", "48")):  # an answer of before comes between them
+        tab.locator("#speed").press(key)
+        tab.evaluate(sent + "{ data: JSON.stringify({ ...optiplanExecution.live.last, override: 0.9 }) })))")
+        assert tab.input_value("#speed") == wanted
+    first, held = held, None
+    for route in first:
+        route.continue_()
+    tab.wait_for_function("!optiplanExecution.live.turned && optiplanExecution.live.last.override === 0.48")
     tab.click("#stop")
     tab.wait_for_selector("#state:text('ended')")
+
+    tab.reload()  # its page is that of one that has ended
+    tab.wait_for_function("window.optiplanExecution && optiplanExecution.ready")
+    assert tab.evaluate("optiplanExecution.scene.data.runs.length") == 1
+    late += [503] * 9
+    tab.unroute("**/api/executions/*/scene")
+    tab.route("**/api/runs/*/scene", answer)
+    tab.select_option("#motion", run)
+    tab.wait_for_selector("#hint:text('cannot be drawn: not now')")
+    assert len(late) == 8
 
 
 ABSENT = """() => {
@@ -175,3 +197,65 @@ def test_joints_reach_where_they_stand_and_what_is_not_played_is_said(tab, serve
     assert slider.inner_text().endswith("4.000 rad")
     tab.click("#play")
     tab.wait_for_selector("#hint:text('2 of 3 points')")
+
+
+SOON = "const own = setTimeout; window.setTimeout = (act, ms, ...more) => own(act, ms === 2000 ? 50 : ms, ...more);"
+
+
+@pytest.mark.parametrize("answers", [[429, 503], [503] * 9])
+def test_a_scene_that_is_not_drawn_is_asked_for_a_few_times_and_written_into_never(tab, server, answers):
+    tab.add_init_script(SOON)
+    open_studio(tab, server)
+    left = list(answers)
+
+    def answer(route):
+        if left:
+            route.fulfill(status=left.pop(0), json={"error": "not now"})
+        else:
+            route.continue_()
+
+    tab.route("**/api/scene", answer)
+    tab.evaluate(
+        """text => { const { editor, scene } = optiplanStudio, hint = document.getElementById("hint"); window.told = [];
+      new MutationObserver(() => {
+        told.push(hint.textContent);
+        if (hint.textContent.includes("not drawn anew")) scene.events.goal([0, 0, 0, 0, 0, 0, 1], true);
+      }).observe(hint, { childList: true });
+      editor.replace(text); }""",
+        QUICK,
+    )
+    if len(answers) < 3:
+        tab.wait_for_function("optiplanStudio.state.problem.name === 'free'")
+        assert left == []
+    else:
+        tab.wait_for_function("optiplanStudio.state.tries > 3")
+        tab.wait_for_timeout(500)
+        assert len(left) == 9 - 4
+        assert "earlier text" in tab.inner_text("#hint")
+    assert any("not drawn anew: not now" in words for words in tab.evaluate("told"))
+    assert any("earlier text" in words for words in tab.evaluate("told"))
+    assert text_of(tab) == QUICK
+
+
+HIDDEN = """async () => {
+  const wait = (ms) => new Promise((done) => setTimeout(done, ms)), counts = [];
+  const seen = (value) => Object.defineProperty(document, "visibilityState", { value, configurable: true });
+  for (const runs of [false, true]) {
+    let count = 0;
+    seen("hidden");
+    const look = Page.watching(async () => { count++; return runs && count < 3; }, 10, 20);
+    await look();
+    await wait(300);
+    counts.push(count);
+    seen("visible");
+    dispatchEvent(new Event("visibilitychange"));
+    await wait(300);
+    counts.push(count > counts.at(-1));
+  }
+  return counts;
+}"""
+
+
+def test_a_page_that_nobody_sees_looks_only_while_something_runs(tab, server):
+    tab.goto(f"{server.url}/benches")
+    assert tab.evaluate(HIDDEN) == [1, True, 3, True]

@@ -216,6 +216,7 @@ def test_what_the_scene_writes_goes_where_it_belongs(page, server, problems):
         page.evaluate("pose => optiplanStudio.scene.events.goal(pose, true)", handle["pose"])
         page.wait_for_function("Object.keys(optiplanStudio.state.problem.goal).join() === 'pose'")
         page.click("#undo")
+        page.wait_for_function("optiplanStudio.state.valid === optiplanStudio.editor.text()")
         page.click("#goal")
         page.wait_for_function("Object.keys(optiplanStudio.state.problem.goal).join() === 'joints'")
 

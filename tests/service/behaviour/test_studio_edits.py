@@ -5,7 +5,6 @@ import json
 import pytest
 
 from tests.service.browsing import drag, open_studio, text_of, write
-from tests.service.conftest import QUICK
 
 pytestmark = [
     pytest.mark.timeout(300),
@@ -61,6 +60,20 @@ def test_what_is_not_touched_stays_to_the_last_digit_and_what_is_typed_is_writte
     assert "position: [-1.30705, 0.3, 0.6123]" in text_of(page)
 
 
+def test_a_quaternion_of_few_digits_is_a_rotation(page, server):
+    open_studio(page, server)
+    text = EXACT.replace("rpy_deg: [0, 0, 12.345]", "quaternion: [0, 0.7071, 0, 0.7071]")
+    write(page, text)
+    page.evaluate("document.getElementById('chosen').open = true")
+    page.evaluate(CHOOSE, "can")
+    enter(page, 2, 1, "0.3")
+    page.wait_for_function(UNTIL, arg="0.3")
+    assert text_of(page) == text.replace("0.2, 0.6", "0.3, 0.6")
+    page.evaluate("optiplanStudio.scene.events.obstacle('can', [-1.30705, 0.4, 0.6, 0, 0.7071, 0, 0.7071])")
+    page.wait_for_function(UNTIL, arg="0.4, 0.6]")
+    assert text_of(page) == text.replace("0.2, 0.6", "0.4, 0.6")
+
+
 AT = "[-1.30705, 0.2, 0.6123, 0, 0, Math.sin(33.333 * Math.PI / 360), Math.cos(33.333 * Math.PI / 360)]"
 TOUCHED = """() => {
   const { events } = optiplanStudio.scene, pose = [0, 0, 0, 0, 0, 0, 1];
@@ -106,21 +119,53 @@ def test_ways_of_before_are_gone_when_the_robot_is_put_elsewhere(page, server):
     assert page.is_hidden("#take")
 
 
-def test_a_scene_that_the_server_refuses_is_said_to_be_old(page, server):
+AT_ONCE = """poses => { for (const pose of poses) optiplanStudio.scene.events.goal(pose, true); }"""
+TYPED_FIRST = """pose => {
+  optiplanStudio.editor.view.dispatch({ changes: { from: 0, insert: "# mine\\n" }, userEvent: "input.type" });
+  optiplanStudio.scene.events.goal(pose, true);
+}"""
+DRAWN = "text => optiplanStudio.state.valid === text && optiplanStudio.editor.text() === text"
+
+
+def test_wishes_wait_for_the_scene_of_what_was_written_before(page, server):
     open_studio(page, server)
-    answers = [422, 200]
+    write(page, EXACT)
+    page.evaluate("document.getElementById('chosen').open = true")
+    page.evaluate(CHOOSE, "can")
+    held = []
+    page.route("**/api/scene", lambda route: route.continue_() if held is None else held.append(route))
+    for row, k, value in ((2, 0, "1.25"), (2, 1, "2.5"), (3, 2, "33.333"), (0, 0, "0.01"), (1, 0, "0.5")):
+        enter(page, row, k, value)
+    page.wait_for_function("optiplanStudio.state.wishes.length === 4")
+    first, held = held, None
+    for route in first:
+        route.continue_()
+    expected = EXACT.replace("-1.30705, 0.2", "1.25, 2.5").replace("12.345", "33.333")
+    expected = expected.replace("radius: 0.0124, length: 0.4", "radius: 0.01, length: 0.5")
+    page.wait_for_function(DRAWN, arg=expected)
+    poses = [[0.5, 0.1 * k, 0.6, 0, 0, 0, 1] for k in range(4)]
+    for both in (poses[:2], poses[2:]):  # the first makes a pose of joint values
+        page.evaluate(AT_ONCE, both)
+        pose = f"pose: {{position: [0.5, {both[1][1]:g}, 0.6]"
+        page.wait_for_function(UNTIL, arg=pose)
+        page.wait_for_function("optiplanStudio.state.valid === optiplanStudio.editor.text()")
+        assert pose in text_of(page)
+    page.locator("#fields button", has_text="Duplicate").evaluate("one => { one.click(); one.click(); }")
+    page.wait_for_function(UNTIL, arg="name: can_3")
+    assert text_of(page).count("name: can_2") == 1
 
-    def answer(route):
-        if answers.pop(0) == 200:
-            route.continue_()
-        else:  # not 429: a console names it an error
-            route.fulfill(status=203, json={"error": "not now"})
-
-    page.route("**/api/scene", answer)
-    page.evaluate("text => optiplanStudio.editor.replace(text)", QUICK)
-    page.wait_for_selector("#hint:text('not drawn anew: not now')")
-    page.evaluate("optiplanStudio.scene.events.goal([0, 0, 0, 0, 0, 0, 1], true)")
-    assert text_of(page) == QUICK
-    page.evaluate("text => optiplanStudio.editor.replace(text)", QUICK + "# more\n")
-    page.wait_for_function("optiplanStudio.state.problem.name === 'free'")
-    page.unroute_all()
+    page.wait_for_function("optiplanStudio.state.valid === optiplanStudio.editor.text()")
+    before = text_of(page)
+    page.evaluate(TYPED_FIRST, poses[0])
+    assert text_of(page) == "# mine\n" + before
+    for path in ("scene", "problems/validate"):
+        page.wait_for_function("optiplanStudio.state.valid === optiplanStudio.editor.text()")
+        page.route(f"**/api/{path}", lambda route: route.fulfill(body="what is this"))
+        page.evaluate(AT_ONCE, poses[:2])
+        page.wait_for_selector("#issues .none")
+        page.evaluate(AT_ONCE, poses[2:])
+        after = text_of(page)
+        assert "pose: {position: [0.5, 0, 0.6]" in after  # the first that was wished is written, and nothing else
+        assert "earlier text" in page.inner_text("#hint")
+        page.unroute(f"**/api/{path}")
+        page.evaluate("text => optiplanStudio.editor.replace(text)", before)

@@ -60,6 +60,15 @@ FAILED = """() => {
   const wanted = scene.world([0.6 + position.x, position.y, 0.3 + position.z]).toArray();
   return [failure.point.toArray(), failure.labels[0].point.toArray(), wanted, position.length()];
 }"""
+BOARDS = """() => {
+  const { scene } = optiplan, board = (group) => group.children.find((mesh) => mesh.name === "board");
+  const all = [scene.layers.obstacle, ...scene.scenery.children].map(board);
+  const look = (key) => all.map((one) => Boolean((one.userData.look || {})[key]));
+  const failure = scene.failures.find((one) => one.wanted);
+  const label = failure && failure.labels.find((one) => one.element.textContent === "board");
+  const hidden = all.map((one) => one.layers.mask !== 1);
+  return { red: look("red"), through: look("through"), hidden, label: label && all.indexOf(label.body) };
+}"""
 PINNED = """(k) => {
   optiplan.app.select(k);
   optiplan.scene.draw(true);
@@ -106,16 +115,46 @@ def test_runs_side_by_side_have_their_obstacles_failures_and_names(visit, three)
     assert by > 0.5
     assert point == pytest.approx(wanted)
     assert label == pytest.approx(wanted)
+    boards = page.evaluate(BOARDS)
+    assert (boards["red"], boards["label"]) == ([False, False, True], 2)
+    page.evaluate("optiplan.app.picked.hide('board', true)")
+    assert page.evaluate(BOARDS)["hidden"] == [True] * 3
+    page.evaluate("optiplan.app.layers.set('through', true)")
+    assert page.evaluate(BOARDS)["through"] == [True] * 3
+    for mode, red in (("together", [True]), ("beside", [False, False, True])):
+        page.evaluate("mode => optiplan.app.arrange(mode)", mode)
+        boards, all_of_them = page.evaluate(BOARDS), [True] * len(red)
+        assert (boards["red"], boards["through"], boards["hidden"]) == (red, all_of_them, all_of_them)
+    page.evaluate("optiplan.app.picked.hide('board', false)")
+    assert not any(page.evaluate(BOARDS)["hidden"])
+    assert page.evaluate(UNDER) == "ball"
+
+
+UNDER = """() => {
+  const { scene } = optiplan, ball = scene.scenery.children[0].children.find((mesh) => mesh.name === "ball");
+  scene.draw(true);
+  const at = ball.getWorldPosition(ball.position.clone()).project(scene.viewer.camera);
+  return scene.bodyAt(0.5 * (1 + at.x) * scene.width, 0.5 * (1 - at.y) * scene.height);
+}"""
+GIVEN = """() => { for (const run of optiplan.scene.runs) {
+  const one = { geometry: 0, colour: [1, 0, 0, 1], name: "taken", owner: "taken" };
+  const at = (body) => ({ ...one, stays: [{ begin: 0, body, pose: [0, 0, 0, 0, 0, 0, 1] }] });
+  run.data.objects = [at(0), at(5)];
+  run.objects.group.removeFromParent();
+  run.objects = new OptiPlanObjects.Objects(optiplan.scene, run, () => optiplan.scene.surface(one.colour));
+} }"""
 
 
 def test_what_runs_take_is_hidden_with_their_robots(visit, three):
     page = visit(three + "#t=0&paused")
+    page.evaluate(GIVEN)
     page.evaluate("() => { optiplan.app.robots = [true, false, false]; optiplan.app.update(); }")
-    taken = "optiplan.scene.runs.map((run) => run.objects.group.visible)"
-    assert page.evaluate(taken) == [True, False, False]
-    for on, visible in ((False, [False] * 3), (True, [True, False, False])):
+    seen = "(one) => one === null || (one.visible && seen(one.parent))"
+    taken = f"() => {{ const seen = {seen}; return optiplan.scene.runs.map((run) => run.objects.meshes.map(seen)); }}"
+    nothing = [False, False]  # of what stands, and of what is held
+    for on, first in ((True, [True, True]), (False, [False, True]), (True, [True, True])):
         page.evaluate("on => optiplan.app.layers.set('obstacles', on)", on)
-        assert page.evaluate(taken) == visible
+        assert page.evaluate(taken) == [first, nothing, nothing]
 
 
 SEEN = """() => [document.body.className, document.body.dataset.panel, optiplan.app.arrangement.mode,
@@ -134,6 +173,7 @@ def test_the_address_holds_all_that_it_can_say(visit, three):
     page.evaluate("location.hash = 'arrange=nonsense'")
     until(page, "optiplan.app.written === location.hash")
     assert page.evaluate(SEEN)[2] == "beside"
+    assert page.locator(".arrangement select").input_value() == "beside"
 
 
 def test_a_run_without_a_quantity_has_no_picture_of_it(visit, three):

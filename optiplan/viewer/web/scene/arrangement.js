@@ -28,13 +28,22 @@ const OptiPlanArrangement = (() => {
     furnish() {
       this.scene.scenery.clear();
       if (this.mode !== "beside" || this.scene.data.several) return;
-      this.scene.runs.forEach((_, k) => {
+      const copy = (mesh) => { // not red: what touches stands elsewhere
+        const data = mesh.userData, { base = mesh.material, look = {}, ...own } = data;
+        mesh.userData = {}; // three.js copies it as text, which materials are not
+        const made = Object.assign(mesh.clone(), { userData: own, material: base });
+        mesh.userData = data;
+        this.scene.painter.paint(made, { through: Boolean(look.through) });
+        return made;
+      };
+      this.scene.runs.forEach((run, k) => {
         const by = this.offset(k);
         if (!this.shown(k) || by.every((x) => x === 0)) return;
         const stand = new THREE.Group();
         stand.position.fromArray(by);
-        for (const mesh of this.scene.layers.obstacle.children) if (!mesh.userData.plane) stand.add(mesh.clone());
-        for (const mesh of this.scene.runs[0].figure.bodies[0].children) stand.add(mesh.clone());
+        for (const mesh of this.scene.layers.obstacle.children) if (!mesh.userData.plane) stand.add(copy(mesh));
+        for (const mesh of this.scene.runs[0].figure.bodies[0].children) stand.add(copy(mesh));
+        stand.run = run;
         this.scene.scenery.add(stand);
       });
     }
@@ -52,6 +61,7 @@ const OptiPlanArrangement = (() => {
         scene.box.union(this.narrow.clone().translate(scene.root.localToWorld(new THREE.Vector3(...by)).sub(origin)));
       });
       this.furnish();
+      for (const failure of scene.failures) failure.fill();
       scene.frame();
       scene.dirty();
     }

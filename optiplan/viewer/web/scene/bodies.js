@@ -7,14 +7,14 @@ const OptiPlanBodies = (() => {
   class Painter {
     constructor() { this.made = new Map(); }
 
-    // The material of a mesh, changed: `red`, `lit`, `through`. Each combination is made once.
-    variant(base, { red, lit, through }) {
-      const key = [base.uuid, red, lit, through].join();
+    // The material of a mesh, changed: `red`, `lit`, `through`, since it is wished, or `aside`, since it hides what touches. Each combination is made once.
+    variant(base, { red, lit, through, aside }) {
+      const key = [base.uuid, red, lit, through || aside].join();
       if (!this.made.has(key)) {
         const look = base.clone();
         if (red && look.color) { look.color = named(RED); if (look.emissive) look.emissive = named("#4a0805"); }
         else if (lit && look.emissive) { look.emissive = named(LIT); look.emissiveIntensity = 0.42; }
-        if (through) Object.assign(look, { transparent: true, opacity: red ? 0.5 : 0.22, depthWrite: false });
+        if (through || aside) Object.assign(look, { transparent: true, opacity: red ? 0.5 : 0.22, depthWrite: false });
         this.made.set(key, look);
       }
       return this.made.get(key);
@@ -23,8 +23,8 @@ const OptiPlanBodies = (() => {
     paint(mesh, change) {
       const data = mesh.userData;
       data.base = data.base || mesh.material;
-      data.look = { red: false, lit: false, through: false, ...data.look, ...change };
-      const plain = !data.look.red && !data.look.lit && !data.look.through;
+      data.look = { red: false, lit: false, through: false, aside: false, ...data.look, ...change };
+      const plain = !Object.values(data.look).includes(true);
       mesh.material = plain ? data.base : this.variant(data.base, data.look);
     }
   }

@@ -9,18 +9,28 @@ const OptiPlanFailure = (() => {
     constructor(scene, run, witness) {
       Object.assign(this, { scene, run, witness, labels: [], hiding: [], seen: "" });
       this.middle = witness.points.length ? mean(witness.points) : null;
-      this.bodies = witness.pair.flatMap((name) => scene.owned(name, run));
+      this.bodies = [];
       if (witness.poses && !run.data.poses) {
         run.poses = floats(witness.poses); // no motion to show: the robot stands where it failed
         run.samples = 1;
         scene.pose(run.figure, run.poses);
       }
       this.addMarks();
-      this.show(true);
+      this.on = true;
+      this.fill();
+    }
+
+    // The bodies that touch where this run stands: of obstacles its own copies, which are made anew as runs are arranged.
+    fill() {
+      const { on, scene, run, witness } = this;
+      this.show(false);
+      this.bodies = witness.pair.flatMap((name) => scene.owned(name, run));
+      for (const label of this.labels) if (label.name) label.body = scene.owned(label.name, run).find((one) => one.userData.set !== "collision");
+      this.show(on);
     }
 
     // A point of the run's own place in the picture: runs may stand side by side.
-    placed(point) { return this.scene.root.localToWorld(new THREE.Vector3(...point).add(this.run.figure.position)); }
+    placed(point) { return this.scene.world(point.map((x, k) => x + this.run.figure.position.getComponent(k))); }
     get point() { return this.middle && this.placed(this.middle); }
 
     addMarks() {
@@ -40,7 +50,7 @@ const OptiPlanFailure = (() => {
         const mesh = scene.owned(name, this.run).find((one) => one.userData.set !== "collision");
         if (!mesh) continue;
         mesh.geometry.computeBoundingBox();
-        this.labels.push(Object.assign(scene.labels.add(name, "bad"), { lift: -30, body: mesh, middle: mesh.geometry.boundingBox.getCenter(new THREE.Vector3()) }));
+        this.labels.push(Object.assign(scene.labels.add(name, "bad"), { lift: -30, name, body: mesh, middle: mesh.geometry.boundingBox.getCenter(new THREE.Vector3()) }));
       }
     }
 
@@ -57,7 +67,7 @@ const OptiPlanFailure = (() => {
 
     show(on) {
       this.on = on;
-      for (const mesh of this.bodies) this.scene.painter.paint(mesh, { red: on, through: on && mesh.parent === this.scene.layers.obstacle }); // what is in it can be seen
+      for (const mesh of this.bodies) this.scene.painter.paint(mesh, { red: on, aside: on && this.scene.obstacles.includes(mesh) }); // what is in it can be seen
       for (const label of this.labels) label.visible = on;
       this.run.witness.visible = on;
       if (!on) this.clear();
@@ -66,7 +76,7 @@ const OptiPlanFailure = (() => {
     }
 
     clear() {
-      for (const mesh of this.hiding) this.scene.painter.paint(mesh, { through: false });
+      for (const mesh of this.hiding) this.scene.painter.paint(mesh, { aside: false });
       this.hiding = [];
     }
 
@@ -96,7 +106,7 @@ const OptiPlanFailure = (() => {
       this.run.figure.traverse((o) => { if (o.isMesh && o.visible && !this.bodies.includes(o)) solid.push(o); });
       const between = OptiPlanCamera.boxesBetween(eye, point, solid, 0.01);
       this.hiding = [...new Set(OptiPlanCamera.hidden(eye, point, between, 0.01).map((hit) => hit.object))];
-      for (const mesh of this.hiding) this.scene.painter.paint(mesh, { through: true });
+      for (const mesh of this.hiding) this.scene.painter.paint(mesh, { aside: true });
     }
   }
 

@@ -95,9 +95,15 @@ const OptiPlanScene = (() => {
       }
     }
 
+    // The obstacles, wherever they stand.
+    get obstacles() { return [this.layers.obstacle, ...this.scenery.children].flatMap((group) => group.children.filter((mesh) => mesh.userData.set === undefined)); }
+
+    // What can hide something, but for robots.
+    get solid() { return [...this.obstacles.filter((mesh) => !mesh.userData.plane), ...this.runs.flatMap((run) => run.objects.meshes)]; }
+
     // Obstacles that move are put where they are at a time, s.
     moveObstacles(t) {
-      for (const mesh of [this.layers.obstacle, ...this.scenery.children].flatMap((group) => group.children))
+      for (const mesh of this.obstacles)
         if (mesh.userData.motion) placeInTime(mesh, mesh.userData.from, mesh.userData.motion, t);
     }
 
@@ -218,7 +224,6 @@ const OptiPlanScene = (() => {
       this.stage = new OptiPlanStage.Stage(this.viewer, this.root, this.box, this.low);
       const centre = scene.worldToLocal(this.stage.centre.clone());
       for (const mesh of this.layers.obstacle.children) if (mesh.userData.plane) OptiPlanStage.spreadPlane(mesh, centre, 1.2 * this.stage.radius);
-      this.solid = [...this.layers.obstacle.children.filter((mesh) => !mesh.userData.plane), ...this.runs.flatMap((run) => run.objects.meshes)];
       controls.enableDamping = false;
     }
 
@@ -258,9 +263,10 @@ const OptiPlanScene = (() => {
       this.viewer.set_dirty();
     }
 
-    // All meshes of a body that has this name in reports: obstacles, and of the runs' robots those that are shown.
+    // All meshes of a body that has this name in reports: obstacles, and of the runs' robots those that are shown; of one run, those at its place.
     owned(name, run = null) {
-      const found = this.layers.obstacle.children.filter((mesh) => mesh.userData.owner === name);
+      const { children } = this.scenery, own = run && children.find((stand) => stand.run === run);
+      const found = (own ? [own] : [this.layers.obstacle, ...(run ? [] : children)]).flatMap((group) => group.children).filter((mesh) => mesh.userData.owner === name);
       for (const one of run ? [run] : this.runs) for (const mesh of one.objects.meshes) if (mesh.userData.owner === name) found.push(mesh);
       for (const one of run ? [run] : this.runs) one.figure.traverse((o) => { if (o.isMesh && o.userData.owner === name && !found.includes(o)) found.push(o); });
       return found;
@@ -280,7 +286,7 @@ const OptiPlanScene = (() => {
     // The body under a place of the picture: its name, or null.
     bodyAt(x, y) {
       this.root.updateMatrixWorld(); // bodies may have been moved since the last picture
-      const rays = new THREE.Raycaster(), seen = [...(this.layers.obstacle.visible ? this.layers.obstacle.children : [])];
+      const rays = new THREE.Raycaster(), seen = [this.layers.obstacle, ...(this.scenery.visible ? this.scenery.children : [])].flatMap((group) => (group.visible ? group.children : []));
       for (const run of this.runs) for (const part of [run.figure, run.objects.group]) part.traverse((o) => { if (o.isMesh && o.visible && o.parent.visible) seen.push(o); });
       rays.setFromCamera({ x: (2 * x) / this.width - 1, y: 1 - (2 * y) / this.height }, this.viewer.camera);
       const hit = rays.intersectObjects(seen, false).find(({ object }) => object.visible);

@@ -117,5 +117,12 @@ const OptiPlanShapes = (() => {
     object.position.add(new THREE.Vector3(...motion.polynomial.map(at)));
   }
 
-  return { makeGeometry, rgb, named, place, placeInTime, palette, triad, region };
+  // Why a scene cannot be drawn, and what is here without it; but for a browser without WebGL it is an error of ours.
+  function undrawn(error, rest) {
+    const blind = !["webgl2", "webgl"].some((kind) => document.createElement("canvas").getContext(kind));
+    if (!blind) console.error(error);
+    return `The scene ${blind ? "needs WebGL, which this browser does not offer" : "cannot be drawn"}; ${rest} all the same. (${error.message})`;
+  }
+
+  return { undrawn, makeGeometry, rgb, named, place, placeInTime, palette, triad, region };
 })();
