@@ -11,7 +11,7 @@ from optiplan.collision.native_model import planning_model
 from optiplan.errors import described, wrong_argument
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.goal_ranking import goal_sampler
-from optiplan.planners.common.safety_ends import with_ends
+from optiplan.planners.common.safety_ends import ending_at, with_ends
 from optiplan.planners.common.tracking_tube import planned_in_tube
 from optiplan.problem.problem import Problem
 from optiplan.runs.run import Run
@@ -62,9 +62,13 @@ def casadi_problem(problem: Problem, guess: Run | Trajectory | None = None) -> "
     if found:
         expected = "one move among obstacles that stand, without vias and task"
         raise wrong_argument("casadi_problem", "problem", f"a problem with {' and '.join(found)}", expected)
-    problem = with_ends(planned_in_tube(problem), Budget(_LOOKING))
+    problem, motion = planned_in_tube(problem), None if guess is None else _motion(problem, guess)
+    if motion is None:
+        problem = with_ends(problem, Budget(_LOOKING))
+    else:
+        problem = ending_at(problem, problem.start, motion.end)
     model = planning_model(problem.robot, problem.scene, error=problem.tracking_error)
-    first = np.array([problem.start, _goal(problem, model)]) if guess is None else _motion(problem, guess)
+    first = np.array([problem.start, _goal(problem, model)]) if motion is None else motion
     return nlp_along(problem, model, first)
 
 

@@ -242,8 +242,9 @@ def _other_branches(work: PlanContext, task: _Task, count: int) -> list[_Branch]
     problem, X = work.problem, frame_pose(work.problem.robot, work.problem.start, task.frame)
     near = problem.start if task.goal is None else task.goal
     there = derived(problem, start=near, goal=(PoseGoal(task.frame, X),), vias=())
-    goals = ranked_goals(there, work.model, work.budget, 4 * (count + 1), nearer=False)
     here = Tracker(problem.robot, task.frame, line(X, X), Aim())
+    many = 4 if smallest_singular_value(here, problem.start) <= SINGULAR else 1
+    goals = ranked_goals(there, work.model, work.budget, many * (count + 1), nearer=False)
     exact = [here.correct(0.0, q) for q in ([] if isinstance(goals, Failure) else goals)]
     others = [q for q in exact if q is not None and np.abs(q - problem.start).max() > _OTHER]
     others.sort(key=lambda q: smallest_singular_value(here, q) <= SINGULAR)

@@ -130,7 +130,8 @@ class PlaceScore:
             own = [(k, end) for k, end in regions if end.frame == frame]
             targets = tuple(Target(str(i), end) for i, (_, end) in enumerate(own))
             vertices = Vertices(problem, TargetTour(problem.robot.joint_names, targets), check, self._times)
-            for (k, _), Q in zip(own, vertices.candidates(_TURNS, self.budget, _STARTS), strict=True):
+            reached = vertices.candidates(_TURNS, self.budget, _STARTS, all_over=True)
+            for (k, _), Q in zip(own, reached, strict=True):
                 found[k].append(Q)
         return [np.concatenate([np.zeros((0, problem.robot.n)), *Qs]) for Qs in found]
 

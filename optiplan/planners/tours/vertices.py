@@ -93,14 +93,16 @@ class Vertices:
                     refused[k] = goals
         return self._failure(refused) if refused else [self.layer(Q) for Q in found]
 
-    def candidates(self, turns: int, budget: Budget, starts: int = _STARTS) -> list[Array]:
+    def candidates(self, turns: int, budget: Budget, starts: int = _STARTS, *, all_over: bool = False) -> list[Array]:
         """Return free configurations (k, n) of every target; none where none was found by so many descents.
 
-        The closed form is of the middle of a target; all over a wide one there are descents besides.
+        The closed form is of the middle of a target; with `all_over` there are descents besides, all over a wide one.
         """
         if self._closed is None:
             return self._descended(range(len(self.goals)), budget, starts)
         found = self._at_turns(turns)
+        if not all_over:
+            return found
         wide = [k for k, goal in enumerate(self.goals) if _is_wide(goal)]
         for k, Q in zip(wide, self._descended(wide, budget, starts), strict=True):
             inside = (self.goals[k].low <= 0.0).all() and (self.goals[k].high >= 0.0).all()

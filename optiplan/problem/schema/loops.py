@@ -214,8 +214,13 @@ def _computes(data: Any, place: Place) -> bool:
 
 
 def _is_name(place: Place) -> bool:
-    """Whether a name stands there, by itself or in a list; values of `for` and `with` are called as one likes."""
+    """Whether a name stands there, by itself or in a list; values of `for` and `with` are called as one likes.
+
+    `from` and `to` are names by themselves alone: a list of theirs is a point.
+    """
     last = next((key for key in reversed(place) if isinstance(key, str)), None)
+    if last in ("from", "to") and place[-1] != last:
+        return False
     return last in NAMES and not {"for", "with"} & set(place)
 
 

@@ -248,14 +248,14 @@ class _PickReader:
 
 def _frames(said: Any) -> set[str]:
     """Return the frames that a path constraint names."""
-    spec = fit(PathConstraintSpec, said)
+    spec = fit(PathConstraintSpec, _without_frames(said))
     one = None if spec is None else KINDS_OF_CONSTRAINTS[spec.kind].of(spec.value, "")
     return set() if one is None else {mention.name for mention in one.mentioned() if mention.kind == "frame"}
 
 
 def _about(said: Any, frame: str | None) -> Any:
     """Return a path constraint about a frame where it would be about the tool frame, which is another one."""
-    spec = None if frame is None else fit(PathConstraintSpec, said)
+    spec = None if frame is None else fit(PathConstraintSpec, _without_frames(said))
     if spec is None or getattr(spec.value, "frame", frame) is not None:
         return said
     return {spec.kind: {**mapping(said[spec.kind]), "frame": frame}}
@@ -273,6 +273,15 @@ def _unframed(data: Any) -> Any:
         elif isinstance(one, list):
             found[key] = [_bare(pose) if isinstance(pose, dict) else pose for pose in one]
     return found
+
+
+def _without_frames(data: Any) -> Any:
+    """Return a path constraint with its poses without their frames, likewise."""
+    if isinstance(data, list):
+        return [_without_frames(one) for one in data]
+    if not isinstance(data, dict):
+        return data
+    return {k: _bare(one) if k == "pose" and isinstance(one, dict) else _without_frames(one) for k, one in data.items()}
 
 
 def _bare(pose: Mapping[str, Any]) -> dict[str, Any]:

@@ -62,6 +62,9 @@ def test_a_task_without_loops_may_compute():
     assert [(one["name"], one["allowed_collisions"]) for one in found] == [("=M1", [["=M2", "cube"]])] * 2
     given = [{"for": {"to": ["=0.05 * 2"]}, "steps": [{"line": {"by": [0, 0, "=to"]}}]}]
     assert problem_from_dict({**data, "task": given}).source["task"][0]["line"]["by"] == [0, 0, 0.1]
+    near = {"line": {"from": [0, 0, "=0.1 * 2"], "to": [1, 0, "=0.2"], "within": 5.0}}
+    kept = problem_from_dict({**data, "task": [{**lines[1], "path_constraints": [near]}]}).source["task"]
+    assert kept[0]["path_constraints"][0]["line"]["from"] == [0, 0, 0.2]
     plain = problem_from_dict({**data, "task": lines[1:]}).source["task"]
     assert plain == found[1:]
 
