@@ -197,7 +197,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_together(folder: Path, files: Mapping[str, bytes], last: str, older: Iterable[str] = ()) -> None:
-    """Write the files of one result, all or none: where that fails, an earlier result in the folder is as it was.
+    """Write the files of one result: where their content cannot be written, an earlier result is as it was.
 
     Args:
         folder: made when it is not there.

@@ -57,8 +57,8 @@ class StoredRun:
 def save_run(run: Saved, folder: Path, beside: Mapping[str, bytes] | None = None, older: Iterable[str] = ()) -> None:
     """Write a run; an older run in the folder is replaced. A run without trajectory leaves `run.json` alone.
 
-    `run.json` is taken away first and renamed into place last: a folder that has one is complete. Where the run cannot
-    be written, the older one is as it was.
+    `run.json` is taken away first and renamed into place last: a folder that has one is complete. Where its content
+    cannot be written, the older one is as it was.
 
     Args:
         run: the run.

@@ -11,7 +11,7 @@ from optiplan.service.queued_plans import QueuedPlans, check_budget, new_run
 from optiplan.service.refusals import Refusal, busy, not_found
 from optiplan.service.requests import ProblemRequests, digest_of
 from optiplan.service.settings import ServiceSettings
-from optiplan.service.store.keyed_tables import UNDER_WAY
+from optiplan.service.store.keyed_tables import BROKEN_OFF, UNDER_WAY
 from optiplan.service.store.run_table import ENDED, Record, tried_again
 
 MOST = 2000
@@ -69,27 +69,28 @@ class Benches:
             "runs": runs,
             "submission": bench,
         }
-        await self._archive.write(lambda: self._archive.benches.add(bench, given.name, content))
+        await self._archive.write(lambda: self._archive.benches.add(bench, given.name, content, self._queue.holder))
         await self._queue_all(bench, asked)
         return await self.one(bench)
 
     async def _queue_all(self, bench: str, asked: Sequence[Submission]) -> None:
         """Queue runs until they are all, one is refused, or the bench is cancelled or deleted.
 
-        Asking again for a bench goes on where it was broken off.
+        Asking again for a bench goes on where it was broken off. Two may queue one bench at once: how the other one
+        ends is no reason to stop.
         """
-        queueing, table = True, self._archive.benches
+        table, cancelled = self._archive.benches, None
         try:
             for submission in asked:
                 await self._queued.submit(submission, bench)
-                if not (queueing := await self._archive.read(lambda: table.is_queueing(bench))):
+                if (cancelled := await self._archive.read(lambda: table.cancelled(bench))) is not False:
                     break
         except BaseException:
-            await self._archive.write(lambda: table.end_queueing(bench, "broken off"))
+            await self._archive.write(lambda: table.break_off(bench))
             raise
-        if queueing:
-            await self._archive.write(lambda: table.end_queueing(bench, "ended"))
-        elif await self._archive.read(lambda: table.get(bench)) is not None:
+        if cancelled is False:
+            await self._archive.write(lambda: table.end_queueing(bench))
+        elif cancelled:
             await self.cancel(bench)  # again: the last run may have been queued after it was cancelled
 
     async def one(self, bench: str) -> Record:
@@ -101,7 +102,7 @@ class Benches:
         row = await self._row(bench)
         ids = [run for _, _, _, run in row["content"]["runs"]]
         records = await self._archive.read(lambda: self._archive.runs.of_ids(ids))
-        return _answer(row, records)
+        return _answer(row, records, await self._archive.read(lambda: self._absent(row["content"])))
 
     async def all(self) -> list[Record]:
         """The last benches."""
@@ -117,7 +118,7 @@ class Benches:
         content = (await self._row(bench))["content"]
 
         def cancel() -> None:
-            self._archive.benches.end_queueing(bench, "broken off")
+            self._archive.benches.break_off(bench, cancelled=True)
             for *_, run in content["runs"]:
                 self._queue.cancel(run, content.get("submission"))  # older benches have none
 
@@ -159,6 +160,13 @@ class Benches:
             raise not_found("bench", bench)
         return row
 
+    def _absent(self, content: Mapping[str, Any]) -> str:
+        """The status of those runs of a bench that there are not."""
+        how = content.get("queueing")
+        if how == UNDER_WAY and self._queue.alive(content.get("holder")):
+            return "queued"
+        return "not queued" if how in (UNDER_WAY, BROKEN_OFF) else "deleted"
+
     async def _check_room(self, runs: Sequence[str]) -> None:
         """Refuse a bench of which more runs are new than may wait."""
         known = await self._archive.read(lambda: self._archive.runs.of_ids(runs))
@@ -182,13 +190,12 @@ def _submission(problem: ProblemInput, planner: BenchPlannerInput, bench: BenchR
     }
 
 
-def _answer(row: Mapping[str, Any], records: Mapping[str, Record]) -> Record:
+def _answer(row: Mapping[str, Any], records: Mapping[str, Record], absent: str) -> Record:
     content = row["content"]
     cells: dict[tuple[str, str], list[str]] = {}
     for problem, label, _, run in content["runs"]:
         cells.setdefault((problem, label), []).append(run)
     counts: dict[str, int] = {}
-    absent = {UNDER_WAY: "queued", "broken off": "not queued"}.get(content.get("queueing", ""), "deleted")
     for *_, run in content["runs"]:
         status = str(records[run]["status"]) if run in records else absent
         counts[status] = counts.get(status, 0) + 1

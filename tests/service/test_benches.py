@@ -3,11 +3,13 @@
 import html
 import re
 import threading
+from contextlib import suppress
 from urllib.parse import urljoin
 
 import pytest
 
-from optiplan.service.refusals import busy
+from optiplan.service.models import BenchRequest
+from optiplan.service.refusals import Refusal, busy
 from tests.service.conftest import NO_WAY, QUICK
 from tests.service.routes.test_pages import NAMES
 from tests.waiting import wait_until
@@ -133,6 +135,40 @@ def test_a_bench_that_is_not_queued_to_its_end(server, monkeypatch, how):
         finished(server, bench)
     for run in seen[0]["cells"][0]["runs"]:  # those of a deleted bench go on
         server.http.post(f"/api/runs/{run}/cancel?everyone=true")
+
+
+@pytest.mark.parametrize("how", ["queued", "refused"])
+def test_a_bench_that_is_submitted_twice_at_once_is_queued(server, monkeypatch, how):
+    """The second one is queued, or refused, while the first one queues its last run but one."""
+    service, calls = server.service, []
+    submit = service.queued.submit
+    seeds = {"queued": [71, 72, 73], "refused": [74, 75, 76]}[how]
+    given = {"name": "twice", "problems": [QUICK], "planners": ["quintic"], "seeds": seeds}
+
+    async def on_the_way(submission, name):
+        calls.append(name)
+        number = len(calls)
+        if number == 2:
+            with suppress(Refusal):
+                await service.benches.submit(BenchRequest(**given))
+        if number == 3 and how == "refused":
+            raise busy("full", 1.0)
+        return await submit(submission, name)
+
+    monkeypatch.setattr(service.benches._queued, "submit", on_the_way)
+    answer = server.http.post("/api/benches", json=given)
+    assert answer.status_code == 202, answer.text
+    assert len(calls) == {"queued": 6, "refused": 4}[how]
+    assert finished(server, answer.json()["id"])["counts"] == {"done": 3}
+
+
+def test_a_bench_whose_server_died_while_it_queued_is_not_running(server, bench):
+    table = server.service.archive.benches
+    content = table.get(bench["id"])["content"]
+    table.add("d" * 32, "dead", {**content, "runs": [["free", "rrt", 7, "f" * 32]]}, "0" * 32)
+    found = server.http.get(f"/api/benches/{'d' * 32}").json()
+    assert (found["status"], found["counts"]) == ("done", {"not queued": 1})
+    assert server.http.delete(f"/api/benches/{'d' * 32}").status_code == 204
 
 
 def test_runs_that_were_deleted_are_counted_as_such(server):

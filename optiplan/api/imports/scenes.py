@@ -1,5 +1,6 @@
 """`import_scene`: a scene of another program as a problem file."""
 
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -49,26 +50,31 @@ def import_scene(source: Path | str, out: Path | str, robot: Path | str, *, repl
         raise wrong_argument("import_scene", "robot", described(robot), expected)
     flag_argument("import_scene", "replace_files", replace_files)
     scene = read_scene(path)
-    with words_of_call("op.import_scene", {"--force": "replace_files=True", "another name": "another `out`"}):
-        refuse_there(scene, target, replace_files)
-    write_scene(scene, target, robot)
+    words = words_of_call("op.import_scene", {"--force": "replace_files=True", "another name": "another `out`"})
+    write_scene(scene, target, robot, replace_files, words)
     return load_problem(target)
 
 
-def refuse_there(scene: ImportedScene, target: Path, force: bool) -> None:
-    """Raise an `InputError` that names the files of a scene that are there already, unless they are replaced."""
+def write_scene(
+    scene: ImportedScene, target: Path, robot: Path | str, force: bool, words: AbstractContextManager[None]
+) -> None:
+    """Write a scene as a problem file, with meshes beside it; obstacles called like a link or the world are renamed.
+
+    Args:
+        scene: what is written.
+        target: the problem file.
+        robot: its name or file.
+        force: whether files that are there are replaced.
+        words: what of the caller's is said where one is there and not to be replaced, such as `words_of_call`.
+
+    Raises:
+        InputError: the robot cannot be used, or files are there that are not to be replaced.
+    """
     there = [path for path in (target, *(target.parent / file for file in scene.files)) if path.exists()]
     if there and not force:
         found, expected = "a file that is there already", "--force to replace it, or another name"
-        raise InputError([Issue(str(path), None, "import scene", found, expected) for path in there])
-
-
-def write_scene(scene: ImportedScene, target: Path, robot: Path | str) -> None:
-    """Write a scene as a problem file, with meshes beside it; obstacles called like a link or the world are renamed.
-
-    Raises:
-        InputError: the robot cannot be used.
-    """
+        with words:
+            raise InputError([Issue(str(path), None, "import scene", found, expected) for path in there])
     loaded = load_robot(robot)
     for file, content in scene.files.items():
         write_bytes(target.parent / file, content)

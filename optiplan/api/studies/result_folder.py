@@ -29,16 +29,17 @@ class ResultFolder:
         """Check that a result can be written to a folder.
 
         Raises:
-            InputError: the folder cannot be written, or has a file `perhaps` that no earlier result left there.
+            InputError: the folder cannot be written, or has a file `perhaps` that no earlier result left there,
+                or only one of an older version, whose page has no such mark.
         """
         check_folder(folder)
         there = folder / self.perhaps
         if (there.exists() or there.is_symlink()) and not self._is_of_a_result(folder):
-            found = "a file that no earlier result left there, or that was changed since"
+            found = "a file that no earlier result left there, or one of an older version, or that was changed since"
             raise InputError([Issue(str(there), None, "out", found, "another folder, or this file elsewhere")])
 
     def write(self, folder: Path, files: Mapping[str, bytes]) -> list[Path]:
-        """Write a result, all or nothing, and return the paths.
+        """Write a result and return the paths.
 
         Args:
             folder: made when it is not there.
@@ -46,7 +47,7 @@ class ResultFolder:
 
         Raises:
             InputError: as `check`.
-            OSError: a file cannot be written; the earlier result is as it was.
+            OSError: a file cannot be written; where that is its content, the earlier result is as it was.
         """
         self.check(folder)
         if self.perhaps in files:

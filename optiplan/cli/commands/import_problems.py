@@ -1,5 +1,6 @@
 """`optiplan import`: problems of other programs as problem files."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -73,13 +74,12 @@ def scene(
 
       optiplan import scene shelf.scene shelf.yaml --robot my/robot.yaml
     """
-    from optiplan.api.imports.scenes import refuse_there, write_scene
+    from optiplan.api.imports.scenes import write_scene
     from optiplan.importers.scenes.read import read_scene
 
     with stdout_is_ours():
         read = read_scene(source)
-        refuse_there(read, out, force)
-        write_scene(read, out, robot)
+        write_scene(read, out, robot, force, nullcontext())
     if as_json:
         print_json(
             {"written": str(out), "obstacles": len(read.obstacles), "meshes": len(read.files), "notes": read.notes}

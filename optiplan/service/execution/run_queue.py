@@ -8,6 +8,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass, field
 
 from sqlalchemy.engine import Engine
 
@@ -39,6 +40,19 @@ Solve = Callable[[Record, threading.Event], RunEnd]
 """Solves a run, until the event is set, and says how it ended."""
 
 
+@dataclass
+class _InHand:
+    """A run in the hands of this process.
+
+    Attributes:
+        cancel: set to end it.
+        begun: the table says that it is ours.
+    """
+
+    cancel: threading.Event = field(default_factory=threading.Event)
+    begun: bool = False
+
+
 class RunQueue:
     """The queue of one database, as one process sees it."""
 
@@ -47,8 +61,7 @@ class RunQueue:
     ) -> None:
         self._runs, self._events, self._solve = runs, events, solve
         self._lease = take_lease(engine, settings.data / "alive")
-        self._active: dict[str, threading.Event] = {}
-        self._begun: dict[str, threading.Event] = {}  # of those in hand: the table says that they are ours
+        self._active: dict[str, _InHand] = {}
         self._looking = threading.Lock()
         self._woken, self._stop = threading.Event(), threading.Event()
         loops = {"watch": self._watch, "recover": self._keep_recovering}
@@ -68,12 +81,21 @@ class RunQueue:
         found += [] if self._events.alive else ["events"]
         return found if self._lease.held else [*found, "lease"]
 
+    @property
+    def holder(self) -> str:
+        """The name by which the database knows what this process has in hand."""
+        return self._lease.name
+
+    def alive(self, holder: str | None) -> bool:
+        """Whether the process of a holder lives."""
+        return holder is not None and self._lease.alive(holder)
+
     def close(self) -> None:
         """Stop; runs under way are put back into the queue."""
         self._stop.set()
         self._woken.set()
-        for cancel in list(self._active.values()):
-            cancel.set()
+        for one in list(self._active.values()):
+            one.cancel.set()
         until = time.monotonic() + PATIENCE
         for thread in self._threads:
             if thread.is_alive():
@@ -88,8 +110,8 @@ class RunQueue:
     def cancel(self, run: str, submission: str | None = None, everyone: bool = False) -> int:
         """Cancel a run, wherever it is, if nobody else wants it; return for how many it goes on."""
         left = self._runs.cancel(run, submission, everyone)
-        if not left and (event := self._active.get(run)) is not None:
-            event.set()
+        if not left and (one := self._active.get(run)) is not None:
+            one.cancel.set()
         return left
 
     def recover(self) -> int:
@@ -124,7 +146,7 @@ class RunQueue:
                     return None
                 run = until_written(lambda: self._runs.first_queued(list(self._active)), self._stop, "the next run")
                 if run is not None:
-                    self._active[run] = threading.Event()
+                    self._active[run] = _InHand()
                     return run
                 wait = AWAKE if self._woken.wait(wait) else min(ASLEEP, DROWSE * wait)
 
@@ -134,22 +156,21 @@ class RunQueue:
         What the database does not take is given to it again until it does, or this queue is closed: then the run is
         still held by this process, and another takes it once this one has ended.
         """
-        holder, cancel = self._lease.name, self._active[run]
+        holder, mine = self._lease.name, self._active[run]
         if self._stop.is_set():  # set before those in hand were cancelled, or while this one was taken
-            cancel.set()
+            mine.cancel.set()
         try:
             record = until_written(lambda: self._runs.begin(run, holder), self._stop, f"beginning of run {run}")
             if record is None:
                 return
-            self._begun[run] = cancel
-            end = self._solved(record, cancel)
+            mine.begun = True
+            end = self._solved(record, mine.cancel)
             self._events.settle(run, self._stop)
             if end.status == "cancelled" and self._stop.is_set():  # this process was cancelled, not the run
                 self._runs.release(run, holder)
             else:
                 self._record(run, end)
         finally:
-            self._begun.pop(run, None)
             del self._active[run]
             self.wake()  # it may have been submitted anew while it was in hand
 
@@ -180,7 +201,8 @@ class RunQueue:
         One that was cancelled elsewhere may have been submitted anew before this process looked: it is queued then.
         """
         while not self._stop.wait(LOOK):
-            if not (begun := dict(self._begun)):  # before the look: what begins after it is ours, too
+            begun = {run: one.cancel for run, one in list(self._active.items()) if one.begun}
+            if not begun:  # looked up before the table is: what begins after that is ours, too
                 continue
             try:
                 wanted = self._runs.wanted(self._lease.name)

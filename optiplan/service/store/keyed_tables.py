@@ -1,8 +1,8 @@
 """Tables of stored problems and benches, whose rows have a key."""
 
 import time
-from collections.abc import Sequence
-from typing import Any, Literal
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import sqlalchemy as sa
 from sqlalchemy.engine import Engine
@@ -10,8 +10,8 @@ from sqlalchemy.engine import Engine
 from optiplan.service.store.run_table import Record
 from optiplan.service.store.tables import benches, problems
 
-UNDER_WAY = "under way"
-"""`queueing` of a bench whose runs are being queued; then `ended`, or `broken off`. Older benches have none."""
+UNDER_WAY, ALL_QUEUED, BROKEN_OFF = "under way", "ended", "broken off"
+"""`queueing` of a bench: how far its runs are queued. Older benches have none."""
 
 
 class KeyedTable:
@@ -72,20 +72,30 @@ class BenchTable(KeyedTable):
     def __init__(self, engine: Engine) -> None:
         super().__init__(engine, benches)
 
-    def add(self, bench: str, name: str, content: Record) -> None:
-        """Record a bench whose runs are queued from now on; a known id keeps its time."""
-        row = {"id": bench, "name": name, "created": time.time(), "content": content | {"queueing": UNDER_WAY}}
-        self._put(row, ("created",))
+    def add(self, bench: str, name: str, content: Record, holder: str) -> None:
+        """Record a bench whose runs `holder` queues from now on; a known id keeps its time."""
+        content = content | {"queueing": UNDER_WAY, "holder": holder, "cancelled": False}
+        self._put({"id": bench, "name": name, "created": time.time(), "content": content}, ("created",))
 
-    def is_queueing(self, bench: str) -> bool:
-        """Return whether the runs of a bench are being queued: it was neither ended, cancelled nor deleted since."""
-        row = self.get(bench)
-        return row is not None and row["content"].get("queueing") == UNDER_WAY
+    def cancelled(self, bench: str) -> bool | None:
+        """Return whether a bench was cancelled since it was last added; None if there is none of this id."""
+        query = sa.select(benches.c.content["cancelled"].as_boolean()).where(self._key == bench)
+        with self._engine.connect() as connection:
+            return connection.scalar(query)
 
-    def end_queueing(self, bench: str, how: Literal["ended", "broken off"]) -> None:
-        """Record that no more runs of a bench are queued, where they were being queued."""
+    def end_queueing(self, bench: str) -> None:
+        """Record that all runs of a bench were queued."""
+        self._change(bench, lambda found: {"queueing": ALL_QUEUED})
+
+    def break_off(self, bench: str, cancelled: bool = False) -> None:
+        """Record that no more runs of a bench are queued, where they were being queued, and if it was cancelled."""
+        told = {"cancelled": True} if cancelled else {}
+        how = {"queueing": BROKEN_OFF}
+        self._change(bench, lambda found: told | (how if found.get("queueing") == UNDER_WAY else {}))
+
+    def _change(self, bench: str, change: Callable[[Record], Record]) -> None:
         which = self._key == bench
         with self._engine.begin() as connection:
             found = connection.scalar(sa.select(benches.c.content).where(which).with_for_update())
-            if found is not None and found.get("queueing") == UNDER_WAY:
-                connection.execute(benches.update().where(which).values(content=found | {"queueing": how}))
+            if found is not None:
+                connection.execute(benches.update().where(which).values(content=found | change(found)))
