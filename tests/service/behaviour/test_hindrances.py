@@ -119,6 +119,7 @@ def test_an_execution_is_drawn_once_its_scene_comes_and_its_slider_stays_in_the_
     tab.reload()  # its page is that of one that has ended
     tab.wait_for_function("window.optiplanExecution && optiplanExecution.ready")
     assert tab.evaluate("optiplanExecution.scene.data.runs.length") == 1
+    assert "needs WebGL" not in tab.evaluate("OptiPlanShapes.undrawn(new Error('of ours'), 'all else is here')")
     late += [503] * 9
     tab.unroute("**/api/executions/*/scene")
     tab.route("**/api/runs/*/scene", answer)
