@@ -62,16 +62,18 @@ def test_what_is_not_touched_stays_to_the_last_digit_and_what_is_typed_is_writte
 
 def test_a_quaternion_of_few_digits_is_a_rotation(page, server):
     open_studio(page, server)
-    text = EXACT.replace("rpy_deg: [0, 0, 12.345]", "quaternion: [0, 0.7071, 0, 0.7071]")
-    write(page, text)
     page.evaluate("document.getElementById('chosen').open = true")
-    page.evaluate(CHOOSE, "can")
-    enter(page, 2, 1, "0.3")
-    page.wait_for_function(UNTIL, arg="0.3")
-    assert text_of(page) == text.replace("0.2, 0.6", "0.3, 0.6")
-    page.evaluate("optiplanStudio.scene.events.obstacle('can', [-1.30705, 0.4, 0.6, 0, 0.7071, 0, 0.7071])")
-    page.wait_for_function(UNTIL, arg="0.4, 0.6]")
-    assert text_of(page) == text.replace("0.2, 0.6", "0.4, 0.6")
+    for few in ("0.7071", "0.70711"):  # of length below and above 1
+        text = EXACT.replace("rpy_deg: [0, 0, 12.345]", f"quaternion: [0, {few}, 0, {few}]")
+        write(page, text)
+        page.wait_for_function(DRAWN, arg=text)
+        page.evaluate(CHOOSE, "can")
+        enter(page, 2, 1, "0.3")
+        page.wait_for_function(UNTIL, arg="0.3")
+        assert text_of(page) == text.replace("0.2, 0.6", "0.3, 0.6")
+        page.evaluate(f"optiplanStudio.scene.events.obstacle('can', [-1.30705, 0.4, 0.6, 0, {few}, 0, {few}])")
+        page.wait_for_function(UNTIL, arg="0.4, 0.6]")
+        assert text_of(page) == text.replace("0.2, 0.6", "0.4, 0.6")
 
 
 AT = "[-1.30705, 0.2, 0.6123, 0, 0, Math.sin(33.333 * Math.PI / 360), Math.cos(33.333 * Math.PI / 360)]"
