@@ -16,6 +16,8 @@ const Page = (() => {
   const banner = () => byId("banner");
   const failing = ({ status }) => status >= 500 || status === 401 || status === 429;
 
+  const well = (path) => fetch(path, { cache: "no-store" }).then((answer) => !failing(answer), () => false);
+
   // Says what is wrong until an address is answered: that which was not, or that of the server's health.
   function lost(words = SILENT, path = "healthz") {
     if (away) return;
@@ -27,12 +29,7 @@ const Page = (() => {
   }
 
   async function look(path) {
-    try {
-      if (failing(await fetch(path, { cache: "no-store" }))) throw new Error("not yet");
-    } catch (error) {
-      setTimeout(() => look(path), AGAIN);
-      return;
-    }
+    if (!(await well(path))) { setTimeout(() => look(path), AGAIN); return; }
     away = false;
     banner().hidden = true;
     document.documentElement.classList.remove("away");
@@ -46,10 +43,22 @@ const Page = (() => {
       if (answer.status >= 502 && answer.status <= 504 && !ours) throw new Error("the server does not answer");
       return answer;
     } catch (error) {
-      if (!leaving) lost(SILENT, options ? "healthz" : path);
-      throw error;
+      unheard(error, path, options);
     }
   }
+
+  // What was not answered, or not to its end: the page says so until it is, or until the server is well where it is not asked for again.
+  function unheard(error, path, options) {
+    if (!leaving) lost(SILENT, options ? "healthz" : path);
+    throw error;
+  }
+
+  // An answer and its whole text.
+  async function read(path, options) {
+    const answer = await ask(path, options);
+    return [answer, await answer.text().catch((error) => unheard(error, path, options))];
+  }
+
   let leaving = false;
   addEventListener("pagehide", () => { leaving = true; });
   addEventListener("beforeunload", () => { leaving = true; setTimeout(() => { leaving = false; }, 3000); });
@@ -57,7 +66,7 @@ const Page = (() => {
 
   // One answer, {status, data}, whatever it says.
   async function said(path, options = { method: "GET" }) {
-    const answer = await ask(path, options), text = await answer.text(), { status, statusText } = answer;
+    const [answer, text] = await read(path, options), { status, statusText } = answer;
     try { return { status, data: status === 204 ? null : JSON.parse(text) }; } catch (error) {
       if (answer.ok) throw error;
       return { status, data: { error: `${status} ${statusText}` } }; // a proxy's page
@@ -68,11 +77,13 @@ const Page = (() => {
   const back = () => new Promise((go) => { if (away) addEventListener("optiplan:back", go, { once: true }); else setTimeout(go, AGAIN); });
 
   // What takes the server work, while it is `wanted`: {status, data}, asked for a few times, since it may fail at this very thing; null once it is not.
+  // An answer that does not come counts where the server is well: a proxy may stand before it.
   async function tried(path, wanted, times = 5) {
     for (;;) {
       const answer = await said(path).catch(() => null);
+      if (answer && !failing(answer)) return wanted() ? answer : null;
+      if ((answer || (await well("healthz"))) && --times <= 0 && wanted()) return answer || { status: 502, data: { error: "no answer came" } };
       if (!wanted()) return null;
-      if (answer && (!failing(answer) || --times <= 0)) return answer;
       await back();
     }
   }
@@ -80,10 +91,9 @@ const Page = (() => {
   // The answer at an address, with its whole text, however long it takes: while there is none, or none of use, the page says why.
   async function answered(path) {
     for (;;) {
-      const answer = await ask(path).catch(() => null), text = answer && (await answer.text().catch(() => null));
-      if (answer && text === null) { if (!leaving) lost(SILENT, path); } // it broke off
-      else if (answer && !failing(answer)) return { ok: answer.ok, status: answer.status, text };
-      else if (answer) {
+      const [answer, text] = await read(path).catch(() => []);
+      if (answer && !failing(answer)) return { ok: answer.ok, status: answer.status, text };
+      if (answer) {
         let said = `${answer.status} ${answer.statusText}`;
         try { said = JSON.parse(text).error || said; } catch { /* a proxy's page */ }
         lost(`The server says: ${said}. This page goes on by itself when it can.`, path);

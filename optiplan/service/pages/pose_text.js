@@ -29,7 +29,7 @@ const PoseText = (() => {
     return [...position, ...(quaternion || (rpy ? fromAngles(rpy) : rpy_deg ? fromAngles(rpy_deg.map((x) => x * DEGREE)) : [0, 0, 0, 1]))];
   }
 
-  const turned = (a, b) => 2 * Math.acos(Math.min(1, Math.abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3])) / (Math.hypot(...a) * Math.hypot(...b)));
+  const turned = (a, b) => 2 * Math.acos(Math.min(1, Math.abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]) / (Math.hypot(...a) * Math.hypot(...b))));
 
   // New numbers to a step; those that are as before stay to the last digit.
   const changed = (before, fresh, step, still) => fresh.map((x, k) => (Math.abs(x - before[k]) < still ? before[k] : round(x, step)));

@@ -124,10 +124,12 @@ const SceneHand = (() => {
         aim(event);
         clicked(scene, rays);
       }
-      if (!held || !held.moved) return;
-      if (held.kind === "goal") scene.events.goal(scene.goal(), true);
-      else if (held.kind === "size") scene.events.resized(held.object.name, scene.stretched, poseOf(held.object), true);
-      else scene.events.obstacle(held.object.name, poseOf(held.object));
+      if (held && held.moved) {
+        if (held.kind === "goal") scene.events.goal(scene.goal(), true);
+        else if (held.kind === "size") scene.events.resized(held.object.name, scene.stretched, poseOf(held.object), true);
+        else scene.events.obstacle(held.object.name, poseOf(held.object));
+      }
+      if (held) pane.dispatchEvent(new Event("optiplan:dropped"));
     };
     pane.addEventListener("pointerup", drop);
     pane.addEventListener("pointercancel", drop);

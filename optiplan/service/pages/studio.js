@@ -3,7 +3,7 @@
 (() => {
   const { byId, make, post, get, latest } = Page, AGAIN = 2000, TRIES = 3; // ms, and how often what failed is asked for again
   const ELSEWHERE = "No ways to reach it are shown: at the start the robot lacks the frame of this pose, or this step does not move all joints that carry it.";
-  const state = { valid: "", problem: null, hash: "", q: [], start: [], asked: 0, handles: [], active: 0, chosen: null, coming: null, branches: [], branch: -1, examples: {}, opened: "", opening: 0, behind: true, written: "", wishes: [], refusals: 0, tries: 0 };
+  const state = { valid: "", problem: null, hash: "", q: [], start: [], asked: 0, handles: [], active: 0, chosen: null, coming: null, branches: [], branch: -1, examples: {}, opened: "", opening: 0, behind: true, written: "", wishes: [], refusals: 0, tries: 0, unheard: 0 };
   const names = { robots: [], planners: [] };
   const NO_END = Object.fromEntries(["joints", "joints_deg", "configuration", "pose", "region", "all_of", "any_of"].map((key) => [key, undefined])); // to be spread before the one that is meant
   const WRITTEN_OUT = ["for", "do", "either", "pick", "place"]; // steps that are several ones in the problem
@@ -15,29 +15,34 @@
   const scene = StudioScene.begin(byId("pane"), {
     goal(pose, ended, index) {
       if (index !== undefined) { activate(index); return; }
-      if (!ended || moved(pose)) solve(pose); // why it was refused stays to be read
+      if (ended) moved(() => pose); else solve(pose);
     },
-    obstacle: (name, pose) => placed(name, pose),
+    obstacle: (name, pose) => { if (here(name)) write(placement(name, () => pose)); },
     selected: (name) => choose(name),
     resized(name, shape, pose, ended) {
       const before = body(name) && body(name).shape;
-      if (ended && before && here(name)) write(own(name, (text, at) => ProblemText.set(text, [...at, "shape"], pulled(shape, before, body(name).shape))), placement(name, pose));
+      if (ended && before && here(name)) write(own(name, (text, at) => ProblemText.set(text, [...at, "shape"], pulled(shape, before, body(name).shape))), placement(name, () => pose));
     },
     branch: (k) => takeBranch(k),
-    surface: (point, normal) => { point_at(false); moved(PoseText.onSurface(point, normal, state.handles[state.active] ? state.handles[state.active].pose : state.tool)); },
+    surface: (point, normal) => { point_at(false); moved((now) => PoseText.onSurface(point, normal, now)); },
   });
 
   // ---- what the scene writes into the text: each wish is one step of the history
   // A wish makes edits of the text that the scene shows. What the scene wrote last is drawn first: until then wishes wait.
   function write(...wishes) {
-    let text = editor.text();
-    const before = text;
-    if (state.behind || ![state.valid, state.written].includes(text) || !ProblemText.sound(text)) {
+    state.wishes.push(wishes);
+    return next();
+  }
+
+  // Writes what has waited longest; false where the text is another one than is shown, and all was refused.
+  function next() {
+    const before = editor.text();
+    if (state.behind || ![state.valid, state.written].includes(before) || !ProblemText.sound(before)) {
       refuse();
       return false;
     }
-    if (text !== state.valid) { state.wishes.push(wishes); return true; }
-    for (const edits of wishes) text = ProblemText.applied(text, edits(text));
+    if (before !== state.valid) return true;
+    const text = state.wishes.shift().reduce((now, edits) => ProblemText.applied(now, edits(now)), before);
     editor.edit(ProblemText.difference(before, text));
     state.written = text;
     check();
@@ -48,15 +53,18 @@
   function refuse() {
     state.wishes = [];
     state.refusals++;
-    redraw();
-    tell("The scene shows an earlier text, which is not checked or has a mistake by now: drag again once it is drawn anew.");
+    if (state.drawn) draw(state.drawn); // what was dragged goes back
+    tell("The scene shows an earlier text, which is not checked or has a mistake by now: nothing is written until it is drawn anew. Then try again.");
   }
 
   const place = (name, text = editor.text()) => ["scene", "obstacles", ProblemText.named(text, ["scene", "obstacles"], name)];
   const body = (name) => (state.problem ? state.problem.scene.obstacles.find((one) => one.name === name) : undefined);
   // Edits of an obstacle at its place in the text; none where it is gone by then.
   const own = (name, edits) => (text) => (body(name) && place(name, text)[2] >= 0 ? edits(text, place(name, text)) : []);
-  const placement = (name, pose, to) => own(name, (text, at) => PoseText.edits(text, [...at, "pose"], PoseText.read(body(name).pose), pose, to));
+  const placement = (name, wish, to) => own(name, (text, at) => {
+    const now = PoseText.read(body(name).pose);
+    return PoseText.edits(text, [...at, "pose"], now, wish(now), to);
+  });
   // A shape whose knob was pulled, to 1 mm; sizes that are as before stay as the text has them now, to the last digit.
   const pulled = (value, before, now) => (typeof value === "number" ? (value === before ? now : PoseText.round(value, 1e-3)) : Array.isArray(value) ? value.map((one, k) => pulled(one, before[k], now[k])) : Object.fromEntries(Object.entries(value).map(([key, one]) => [key, pulled(one, before[key], now[key])])));
 
@@ -67,16 +75,15 @@
     return false;
   }
 
-  function placed(name, pose) { if (here(name)) write(placement(name, pose)); }
-
   // Where the end stands that a handle is the pose of.
   const end = (handle) => (!handle ? ["goal"] : handle.path.at(-1) === "pose" ? handle.path.slice(0, -1) : handle.path);
 
   // The pose that is dragged or typed goes to where the file has it; an end of joint values becomes a pose.
-  function moved(pose, to) {
+  function moved(wish, to) {
     const path = end(state.handles[state.active]), named = path.join();
     return write((text) => {
-      const handle = state.handles.find((one) => end(one).join() === named);
+      const handle = state.handles.find((one) => end(one).join() === named), pose = wish(handle ? handle.pose : state.tool);
+      if (handle === state.handles[state.active]) solve(pose); // where it is refused, the reason stays to be read
       if (handle && !handle.joints) return PoseText.edits(text, handle.path, handle.pose, pose, to);
       return ProblemText.set(text, path, { ...NO_END, velocity: undefined, acceleration: undefined, pose: PoseText.said(pose, to) });
     });
@@ -108,11 +115,11 @@
     });
   }
 
-  function does(what, value) {
+  function does(what, wish) {
     const { chosen } = state;
     if (!here(chosen)) return;
-    if (what === "pose") write(placement(chosen, value, PoseText.TYPED));
-    else if (what === "shape") write(own(chosen, (text, at) => ProblemText.set(text, [...at, "shape"], value)));
+    if (what === "pose") write(placement(chosen, wish, PoseText.TYPED));
+    else if (what === "shape") write(own(chosen, (text, at) => ProblemText.set(text, [...at, "shape"], wish(body(chosen).shape))));
     else if (what === "show") editor.show(ProblemText.place(editor.text(), place(chosen)));
     else if (what === "remove") { if (write(own(chosen, (text, at) => ProblemText.remove(text, at)))) choose(null); }
     else write(double(chosen));
@@ -143,13 +150,14 @@
 
   // Joint values in place of what stands at a path: the start, or an end.
   function useJoints(path, q) {
-    write((text) => ProblemText.set(text, path, { ...NO_END, joints: q.map((x) => PoseText.round(x, 1e-6)) }));
+    const joints = q.map((x) => PoseText.round(x, 1e-6)); // as they are now: they may go on while this waits
+    write((text) => ProblemText.set(text, path, { ...NO_END, joints }));
   }
 
   function fields() {
     const one = state.chosen && body(state.chosen), handle = state.handles[state.active];
     const shown = one ? StudioCard.obstacle({ ...one, pose: PoseText.read(one.pose), fixed: "half_space" in one.shape }, does)
-      : handle ? StudioCard.handle(handle, (what, pose) => (what === "show" ? editor.show(ProblemText.place(editor.text(), handle.path)) : moved(pose, PoseText.TYPED) && solve(pose))) : [];
+      : handle ? StudioCard.handle(handle, (what, wish) => (what === "show" ? editor.show(ProblemText.place(editor.text(), handle.path)) : moved(wish, PoseText.TYPED))) : [];
     byId("fields").replaceChildren(...shown);
     byId("chosen").firstElementChild.textContent = one ? `${one.name} · ${Object.keys(one.shape)[0].replace("_", " ")}` : handle ? handle.label : "";
     byId("chosen").hidden = !shown.length;
@@ -216,28 +224,28 @@
     state.hash = data.hash;
     const drawn = await ask("api/scene");
     if (!drawn) { unknown(); return; }
+    await scene.free(); // what is dragged is not taken out of the hand
     if (asked !== state.asked) return;
     behind(drawn.status !== 200, drawn.status);
     if (state.behind) { tell(`The scene is not drawn anew: ${drawn.data.error}`); return; }
     state.valid = problem;
+    if (problem === state.written || editor.text() !== state.written) state.written = ""; // a text that comes back is drawn before it is written into
     draw(drawn.data);
-    if (state.wishes.length) write(...state.wishes.shift());
+    if (state.wishes.length) next();
   });
 
   // Whether the scene is behind the text: it shows an earlier one, or none, and writes nothing until it is drawn anew.
   // A server that was too busy for it is asked again; where it fails, a few times: a text may be what it fails at.
   function behind(yes, status = 200) {
     state.behind = yes;
-    if (!yes) state.tries = 0;
+    if (!yes) state.tries = state.unheard = 0;
     if (yes && state.wishes.length) refuse();
     if (status === 429 || (status === 503 && state.tries++ < TRIES)) typing = setTimeout(check, AGAIN);
     for (const id of ["add", "surface", "start", "goal", "take", "record", "play"]) byId(id).disabled = yes;
   }
 
-  // The scene as it was drawn last: what was dragged goes back.
-  function redraw() { if (state.drawn) draw(state.drawn); }
-
   function unknown() {
+    state.unheard++;
     byId("issues").replaceChildren(make("div", { className: "none", textContent: "The server does not answer: the text is not checked. It is kept in this browser." }));
     byId("plan").disabled = byId("store").disabled = true;
     behind(true);
@@ -336,7 +344,7 @@
 
   function keep(text) {
     byId("stored").textContent = "";
-    state.tries = 0;
+    state.tries = state.unheard = 0;
     if (!Drafts.keep(text, state.opened)) byId("stored").textContent = "this browser keeps no draft";
   }
 
@@ -388,7 +396,7 @@
     const { status, data } = await post("api/problems", { problem: editor.text() });
     byId("stored").textContent = status === 201 ? "stored" : data.error.slice(0, 80);
   });
-  addEventListener("optiplan:back", () => check());
+  addEventListener("optiplan:back", () => { if (state.unheard <= TRIES) check(); }); // this very text may be what is not answered
 
   async function begin() {
     const [examples, planners, robots] = await Promise.all([get("api/examples"), get("api/planners"), get("api/robots")]);

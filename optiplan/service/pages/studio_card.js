@@ -4,41 +4,43 @@ const StudioCard = (() => {
   const { make } = Page, DEGREE = Math.PI / 180;
   const shown = (x, unit) => String(Number(x.toFixed(unit === "m" ? 4 : 2)) + 0);
 
-  // Fields of a row: `said(values)` hears all of them when one has changed, the others with all their digits.
-  function row(label, unit, values, names, said, step) {
-    const now = [...values], inputs = values.map((value, k) => {
+  const put = (values, k, value) => values.map((one, j) => (j === k ? value : one));
+
+  // Fields of a row: `typed(k, value)` hears which one has changed. What is wished of it is a function of what then stands in
+  // the scene, which may be drawn anew by then: nothing but what was typed is changed.
+  function row(label, unit, values, names, typed, step) {
+    const inputs = values.map((value, k) => {
       const input = make("input", { type: "number", step, value: shown(value, unit), ariaLabel: `${label} ${names[k] || ""}, ${unit}` });
-      input.addEventListener("change", () => { if (input.value === "" || !Number.isFinite(Number(input.value))) return; now[k] = Number(input.value); said([...now]); });
+      input.addEventListener("change", () => { if (input.value === "" || !Number.isFinite(Number(input.value))) return; typed(k, Number(input.value)); });
       return input;
     });
     return make("div", { className: "row" }, make("span", { textContent: `${label}, ${unit}` }), make("div", {}, ...inputs));
   }
 
-  // What was typed in one row goes with what is typed in the next: the scene may not be drawn anew between them.
   function poseRows(pose, changed) {
-    const turned = PoseText.angles(pose.slice(3)).map((x) => x / DEGREE), now = [...pose];
-    const typed = (at, values) => { now.splice(at, values.length, ...values); changed([...now]); };
+    const turned = PoseText.angles(pose.slice(3)).map((x) => x / DEGREE);
+    const turn = (quaternion, k, value) => PoseText.fromAngles(put(PoseText.angles(quaternion), k, value * DEGREE));
     return [
-      row("Position", "m", pose.slice(0, 3), ["x", "y", "z"], (xyz) => typed(0, xyz), 0.01),
-      row("Turned", "°", turned, ["about x", "about y", "about z"], (rpy) => typed(3, PoseText.fromAngles(rpy.map((x) => x * DEGREE))), 5),
+      row("Position", "m", pose.slice(0, 3), ["x", "y", "z"], (k, value) => changed((now) => put(now, k, value)), 0.01),
+      row("Turned", "°", turned, ["about x", "about y", "about z"], (k, value) => changed((now) => [...now.slice(0, 3), ...turn(now.slice(3), k, value)]), 5),
     ];
   }
 
   // Sizes of a shape as the file says it.
   function sizeRows(shape, changed) {
     const [kind] = Object.keys(shape), of = shape[kind];
-    if (kind === "box") return [row("Size", "m", of, ["x", "y", "z"], (xyz) => changed({ box: xyz }), 0.01)];
-    if (kind === "sphere") return [row("Radius", "m", [of], [], ([radius]) => changed({ sphere: radius }), 0.01)];
+    if (kind === "box") return [row("Size", "m", of, ["x", "y", "z"], (k, value) => changed(({ box }) => ({ box: put(box, k, value) })), 0.01)];
+    if (kind === "sphere") return [row("Radius", "m", [of], [], (_, value) => changed(() => ({ sphere: value })), 0.01)];
     if (kind === "cylinder" || kind === "capsule") {
-      const now = { ...of }, typed = (one) => changed({ [kind]: { ...Object.assign(now, one) } });
-      return [row("Radius", "m", [of.radius], [], ([radius]) => typed({ radius }), 0.01), row("Length", "m", [of.length], [], ([length]) => typed({ length }), 0.01)];
+      const size = (key, label) => row(label, "m", [of[key]], [], (_, value) => changed((now) => ({ [kind]: { ...now[kind], [key]: value } })), 0.01);
+      return [size("radius", "Radius"), size("length", "Length")];
     }
     return [];
   }
 
   const button = (textContent, onclick, className = "") => make("button", { type: "button", textContent, onclick, className });
 
-  // An obstacle: {name, shape, pose}; does(what, value) hears "pose", "shape", "double", "remove".
+  // An obstacle: {name, shape, pose}; does(what, wish) hears "pose", "shape", "double", "remove".
   function obstacle({ name, shape, pose, fixed }, does) {
     return [...sizeRows(shape, (wish) => does("shape", wish)),
       ...(fixed ? [] : poseRows(pose, (wish) => does("pose", wish))),

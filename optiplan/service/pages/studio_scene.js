@@ -137,7 +137,7 @@ const StudioScene = (() => {
       this.handle.visible = poses.length > 0;
       this.empty(this.others);
       poses.forEach((pose, k) => {
-        if (k === active) { if (!this.held || this.held.object !== this.handle) place(this.handle, pose); return; }
+        if (k === active) { place(this.handle, pose); return; }
         const ball = GoalFrame.ball(0.6);
         place(ball, pose);
         ball.userData.index = k;
@@ -194,6 +194,9 @@ const StudioScene = (() => {
       controls.target.copy(centre);
       controls.update();
     }
+
+    // Once nothing is in the hand: what is drawn anew before would be another thing than what is dragged.
+    free() { return this.held && new Promise((go) => this.pane.addEventListener("optiplan:dropped", go, { once: true })); }
 
     goal() {
       return poseOf(this.handle);

@@ -131,8 +131,8 @@
     app.dock.fill();
     fillHead(run);
     if (scene) {
-      for (const failure of scene.failures) { failure.wanted = failure.run === scene.runs[k]; failure.show(false); }
-      for (const failure of scene.failures) if (failure.wanted) failure.show(true);
+      for (const failure of scene.failures) failure.wanted = failure.run === scene.runs[k];
+      OptiPlanFailure.only(scene.failures, (one) => one.wanted);
       const failure = scene.failures.find((one) => one.wanted && one.point);
       if (failure) failure.look(); else if (scene.looked) scene.frame();
       scene.looked = Boolean(failure);

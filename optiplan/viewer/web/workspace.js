@@ -288,6 +288,6 @@ const OptiPlanWorkspace = (() => {
     const data = JSON.parse($("data").textContent);
     if (!$("captions").children.length) for (const robot of data.robots) $("captions").append(Object.assign(document.createElement("p"), { textContent: robot.caption }));
     document.documentElement.dataset.ready = "1";
-    throw error;
+    return null;
   }
 })();

@@ -43,10 +43,12 @@ const randomEdits = (seed) => {
   const drawn = (act) => { // as if the scene showed this text, of which nothing is asked
     const { valid, drawn } = state;
     Object.assign(state, { valid: editor.text(), drawn: null });
+    const before = editor.text();
     act();
+    if (editor.text() !== before) written++;
     Object.assign(state, { valid, drawn });
   };
-  let edits = 0;
+  let edits = 0, written = 0; // all, and those of the scene that changed the text
   while (edits < 1000) {
     const sound = ProblemText.sound(editor.text()), act = sound || random() < 0.3 ? Math.floor(random() * 7) : 5;
     const at = Math.floor(random() * editor.view.state.doc.length);
@@ -61,9 +63,8 @@ const randomEdits = (seed) => {
     else editor.redo();
     edits++;
   }
-  const last = editor.text();
   while (editor.undo());
   const undone = editor.text();
   while (editor.redo());
-  return { first, undone, steps: CM.undoDepth(editor.view.state) };
+  return { first, undone, steps: CM.undoDepth(editor.view.state), written };
 };

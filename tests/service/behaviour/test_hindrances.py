@@ -15,11 +15,11 @@ BLIND = """const own = HTMLCanvasElement.prototype.getContext;
 HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
   return kind.includes("webgl") ? null : own.call(this, kind, ...more); };"""
 BROKEN = """const ask = window.fetch;
-let broken = false;
+const broken = new Set();
 window.fetch = async (path, ...more) => {
   const answer = await ask(path, ...more);
-  if (broken || !String(path).startsWith("api/runs")) return answer;
-  broken = true;
+  if (broken.has(path) || !/^api[/](runs|scene)/.test(path)) return answer;
+  broken.add(path);
   const fail = () => Promise.reject(new TypeError("network error"));
   return new Proxy(answer, { get: (own, key) => (["text", "json"].includes(key) ? fail : Reflect.get(own, key, own)) });
 };"""
@@ -120,10 +120,13 @@ def test_an_execution_is_drawn_once_its_scene_comes_and_its_slider_stays_in_the_
     tab.wait_for_function("window.optiplanExecution && optiplanExecution.ready")
     assert tab.evaluate("optiplanExecution.scene.data.runs.length") == 1
     assert "needs WebGL" not in tab.evaluate("OptiPlanShapes.undrawn(new Error('of ours'), 'all else is here')")
-    late += [503] * 9
     tab.unroute("**/api/executions/*/scene")
-    tab.route("**/api/runs/*/scene", answer)
+    tab.route("**/api/runs/*/scene", lambda route: route.fulfill(status=502, body="a proxy's"))
     tab.select_option("#motion", run)
+    tab.wait_for_selector("#hint:text('cannot be drawn: no answer came')")
+    late += [503] * 9
+    tab.route("**/api/runs/*/scene", answer)
+    tab.locator("#motion").dispatch_event("change")
     tab.wait_for_selector("#hint:text('cannot be drawn: not now')")
     assert len(late) == 8
 
@@ -136,10 +139,11 @@ ABSENT = """() => {
 }"""
 
 
-def test_a_list_that_breaks_off_is_asked_for_again(tab, server):
+def test_an_answer_that_breaks_off_is_asked_for_again(tab, server):
     tab.add_init_script(BROKEN)
     tab.goto(server.url)
     tab.wait_for_selector("#runs .run, #runs .panel")
+    open_studio(tab, server)
 
 
 def test_what_cannot_be_compared_says_why(tab, server):
@@ -203,7 +207,7 @@ def test_joints_reach_where_they_stand_and_what_is_not_played_is_said(tab, serve
 SOON = "const own = setTimeout; window.setTimeout = (act, ms, ...more) => own(act, ms === 2000 ? 50 : ms, ...more);"
 
 
-@pytest.mark.parametrize("answers", [[429, 503], [503] * 9])
+@pytest.mark.parametrize("answers", [[429, 503], [503] * 9, [502] * 9])
 def test_a_scene_that_is_not_drawn_is_asked_for_a_few_times_and_written_into_never(tab, server, answers):
     tab.add_init_script(SOON)
     open_studio(tab, server)
@@ -211,7 +215,8 @@ def test_a_scene_that_is_not_drawn_is_asked_for_a_few_times_and_written_into_nev
 
     def answer(route):
         if left:
-            route.fulfill(status=left.pop(0), json={"error": "not now"})
+            status = left.pop(0)
+            route.fulfill(status=status, **({"body": "a proxy's"} if status == 502 else {"json": {"error": "not now"}}))
         else:
             route.continue_()
 
@@ -220,7 +225,7 @@ def test_a_scene_that_is_not_drawn_is_asked_for_a_few_times_and_written_into_nev
         """text => { const { editor, scene } = optiplanStudio, hint = document.getElementById("hint"); window.told = [];
       new MutationObserver(() => {
         told.push(hint.textContent);
-        if (hint.textContent.includes("not drawn anew")) scene.events.goal([0, 0, 0, 0, 0, 0, 1], true);
+        if (hint.textContent.includes("not drawn anew: not now")) scene.events.goal([0, 0, 0, 0, 0, 0, 1], true);
       }).observe(hint, { childList: true });
       editor.replace(text); }""",
         QUICK,
@@ -229,11 +234,15 @@ def test_a_scene_that_is_not_drawn_is_asked_for_a_few_times_and_written_into_nev
         tab.wait_for_function("optiplanStudio.state.problem.name === 'free'")
         assert left == []
     else:
-        tab.wait_for_function("optiplanStudio.state.tries > 3")
-        tab.wait_for_timeout(500)
+        tab.wait_for_function("Math.max(optiplanStudio.state.tries, optiplanStudio.state.unheard) > 3")
+        tab.wait_for_timeout(2500 if answers[0] == 502 else 500)  # a server's health is asked for once a second
         assert len(left) == 9 - 4
+    if answers[0] == 502:
+        assert "not answer" in tab.inner_text("#issues")
+        tab.evaluate("optiplanStudio.scene.events.goal([0, 0, 0, 0, 0, 0, 1], true)")
+    if len(answers) > 2:
         assert "earlier text" in tab.inner_text("#hint")
-    assert any("not drawn anew: not now" in words for words in tab.evaluate("told"))
+    assert answers[0] == 502 or any("not drawn anew: not now" in words for words in tab.evaluate("told"))
     assert any("earlier text" in words for words in tab.evaluate("told"))
     assert text_of(tab) == QUICK
 

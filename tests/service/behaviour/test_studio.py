@@ -90,6 +90,7 @@ def test_a_thousand_random_edits_are_undone_byte_for_byte(page, server):
     found = page.evaluate("seed => randomEdits(seed)", page.viewport_size["width"])
     assert found["undone"] == found["first"]
     assert found["steps"] > 100
+    assert found["written"] > 100
 
 
 PLAN_TWICE = """text => {

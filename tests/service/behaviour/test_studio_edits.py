@@ -4,7 +4,9 @@ import json
 
 import pytest
 
+from tests.service.behaviour.test_studio import TASK
 from tests.service.browsing import drag, open_studio, text_of, write
+from tests.waiting import wait_until
 
 pytestmark = [
     pytest.mark.timeout(300),
@@ -62,16 +64,18 @@ def test_what_is_not_touched_stays_to_the_last_digit_and_what_is_typed_is_writte
 
 def test_a_quaternion_of_few_digits_is_a_rotation(page, server):
     open_studio(page, server)
-    text = EXACT.replace("rpy_deg: [0, 0, 12.345]", "quaternion: [0, 0.7071, 0, 0.7071]")
-    write(page, text)
     page.evaluate("document.getElementById('chosen').open = true")
-    page.evaluate(CHOOSE, "can")
-    enter(page, 2, 1, "0.3")
-    page.wait_for_function(UNTIL, arg="0.3")
-    assert text_of(page) == text.replace("0.2, 0.6", "0.3, 0.6")
-    page.evaluate("optiplanStudio.scene.events.obstacle('can', [-1.30705, 0.4, 0.6, 0, 0.7071, 0, 0.7071])")
-    page.wait_for_function(UNTIL, arg="0.4, 0.6]")
-    assert text_of(page) == text.replace("0.2, 0.6", "0.4, 0.6")
+    for few in ("0.7071", "0.70711"):  # of length below and above 1
+        text = EXACT.replace("rpy_deg: [0, 0, 12.345]", f"quaternion: [0, {few}, 0, {few}]")
+        write(page, text)
+        page.wait_for_function(DRAWN, arg=text)
+        page.evaluate(CHOOSE, "can")
+        enter(page, 2, 1, "0.3")
+        page.wait_for_function(UNTIL, arg="0.3")
+        assert text_of(page) == text.replace("0.2, 0.6", "0.3, 0.6")
+        page.evaluate(f"optiplanStudio.scene.events.obstacle('can', [-1.30705, 0.4, 0.6, 0, {few}, 0, {few}])")
+        page.wait_for_function(UNTIL, arg="0.4, 0.6]")
+        assert text_of(page) == text.replace("0.2, 0.6", "0.4, 0.6")
 
 
 AT = "[-1.30705, 0.2, 0.6123, 0, 0, Math.sin(33.333 * Math.PI / 360), Math.cos(33.333 * Math.PI / 360)]"
@@ -169,3 +173,77 @@ def test_wishes_wait_for_the_scene_of_what_was_written_before(page, server):
         assert "earlier text" in page.inner_text("#hint")
         page.unroute(f"**/api/{path}")
         page.evaluate("text => optiplanStudio.editor.replace(text)", before)
+
+
+WAITING = """([shown, wishes, words]) => optiplanStudio.state.valid === shown
+  && optiplanStudio.state.wishes.length === wishes && optiplanStudio.editor.text().includes(words)"""
+SLIDE = "(one, value) => { one.value = value; one.dispatchEvent(new Event('input')); }"
+BACK_AND_DRAGGED = """pose => {
+  document.getElementById("undo").click();
+  window.before = optiplanStudio.editor.text();
+  optiplanStudio.scene.events.goal(pose, true);
+}"""
+
+
+def first(page, held):
+    """The request that is held back longest, once there is one."""
+    wait_until(lambda: page.wait_for_timeout(20) or held)
+    return held.pop(0)
+
+
+def test_what_waits_is_written_as_it_was_meant(page, server):
+    open_studio(page, server)
+    write(page, EXACT)
+    page.wait_for_function(DRAWN, arg=EXACT)
+    page.evaluate("() => { for (const id of ['chosen', 'joints']) document.getElementById(id).open = true; }")
+    page.evaluate(CHOOSE, "can")
+    held = []
+    page.route("**/api/scene", lambda route: held.append(route))
+
+    def draw(words):
+        """Let the next scene come; what waited longest is then written."""
+        written = text_of(page)
+        first(page, held).continue_()
+        page.wait_for_function(WAITING, arg=[written, 0, words])
+
+    enter(page, 2, 0, "1.25")
+    enter(page, 2, 1, "2.5")
+    draw("[1.25, 2.5, 0.6]")
+    enter(page, 2, 2, "0.7")  # on a card that does not say 2.5 yet
+    draw("[1.25, 2.5, 0.7]")
+    slider = page.locator("#sliders input").first
+    slider.evaluate(SLIDE, 0.25)
+    page.click("#start")
+    slider.evaluate(SLIDE, 0.75)
+    draw("start: {joints: [0.25, 1.0]}")
+    draw("start: {joints: [0.25, 1.0]}")
+
+
+def test_what_is_dragged_stays_in_the_hand_and_a_text_that_comes_back_is_drawn_first(page, server):
+    open_studio(page, server)
+    write(page, TASK)
+    page.wait_for_function(DRAWN, arg=TASK)
+    held = []
+    page.route("**/api/scene", lambda route: held.append(route))
+    page.evaluate("optiplanStudio.scene.events.obstacle('cube', [0.5, 0.4, 0.021, 0, 0, 0, 1])")
+    page.wait_for_function(UNTIL, arg="[0.5, 0.4, 0.021]")
+
+    def come():
+        with page.expect_response("**/api/scene"):
+            first(page, held).continue_()
+        page.wait_for_timeout(300)
+        assert page.evaluate("optiplanStudio.state.valid !== optiplanStudio.editor.text()")
+
+    drag(page, page.evaluate("optiplanStudio.scene.goalOnScreen()"), (-30, -10), come)
+    page.wait_for_function("words => !optiplanStudio.editor.text().includes(words)", arg="[0.4, 0.1, 0.5]")
+    page.unroute("**/api/scene")
+    while held:
+        held.pop(0).continue_()
+    page.wait_for_function("optiplanStudio.state.valid === optiplanStudio.editor.text()")
+    moved = text_of(page)
+    assert "[0.5, 0.4, 0.021]" in moved
+    page.evaluate("text => optiplanStudio.editor.replace(text)", moved.replace("task:\n", "task:\n  - dwell: 1\n"))
+    page.wait_for_function("optiplanStudio.state.valid === optiplanStudio.editor.text()")
+    page.evaluate(BACK_AND_DRAGGED, [0.3, 0.3, 0.3, 0, 0, 0, 1])
+    assert text_of(page) == moved == page.evaluate("before")
+    assert "earlier text" in page.inner_text("#hint")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from optiplan.geometry.scene import Box, Obstacle, Scene, Sphere
+from optiplan.geometry.scene import Box, HalfSpace, Obstacle, Scene, Sphere
 from optiplan.problem.problem import JointGoal
 from optiplan.viewer.page import export_page
 from optiplan.viewer.runs import ViewedRun
@@ -16,12 +16,18 @@ pytestmark = [pytest.mark.timeout(240)]
 
 @pytest.fixture(scope="module")
 def problem(panda):
-    """A ball that moves beside a Panda, and a board that stands."""
+    """A ball that moves beside a Panda, a board that stands, and a floor."""
     ball = Obstacle("ball", Sphere(0.08), at(0.4, -0.4, 0.9)).moving([[0.0, 0.2], [0.0], [0.0]], 1.2)
     return unchecked_problem(
         name="several",
         robot=panda,
-        scene=Scene((ball, Obstacle("board", Box((0.4, 0.9, 0.02)), at(0.75, 0.0, 0.3)))),
+        scene=Scene(
+            (
+                ball,
+                Obstacle("board", Box((0.4, 0.9, 0.02)), at(0.75, 0.0, 0.3)),
+                Obstacle("floor", HalfSpace((0.0, 0.0, 1.0), 0.0), at(0.0, 0.0, -0.1)),
+            )
+        ),
         start=panda.configurations["ready"],
         goal=(JointGoal(panda.configurations["ready"] + np.array([0.6, 0.2, 0.0, 0.3, 0.0, 0.0, 0.0])),),
         limits=panda.limits,
@@ -128,6 +134,27 @@ def test_runs_side_by_side_have_their_obstacles_failures_and_names(visit, three)
     page.evaluate("optiplan.app.picked.hide('board', false)")
     assert not any(page.evaluate(BOARDS)["hidden"])
     assert page.evaluate(UNDER) == "ball"
+
+
+TOUCHED = """() => {
+  const { scene } = optiplan, floor = scene.layers.obstacle.children.find((mesh) => mesh.name === "floor");
+  scene.draw(true);
+  const named = ({ labels }) => labels.some(({ body }) => body === floor);
+  return [Boolean((floor.userData.look || {}).red), scene.failures.map(named)];
+}"""
+
+
+def test_runs_that_touch_the_same_floor_show_it_side_by_side_and_in_one_place(visit, problem, motion, tmp_path):
+    witness = {"q": problem.start.tolist(), "points": [[0.6, 0.0, -0.1]] * 2, "pair": ["panda_hand", "floor"]}
+    bad = {"verified": False, "checks": [{"name": "collision", "passed": False, "worst": -1e-3, "witness": witness}]}
+    export_page(problem, [ViewedRun(name, motion(problem, 2.0), bad) for name in "ab"], tmp_path / "page.html")
+    page = visit((tmp_path / "page.html").as_uri() + "#t=0&paused&arrange=beside&runs=a,b&run=a")
+    for mode in ("beside", "together", "beside"):
+        page.evaluate("mode => optiplan.app.arrange(mode)", mode)
+        assert page.evaluate(TOUCHED) == [True, [True, True]]
+        for chosen in (1, 0):
+            page.evaluate("k => optiplan.app.select(k)", chosen)
+            assert page.evaluate(TOUCHED) == [True, [True, True]]
 
 
 UNDER = """() => {

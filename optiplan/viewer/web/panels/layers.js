@@ -58,7 +58,7 @@ const OptiPlanLayers = (() => {
     if (data.runs.some((run) => run.path)) layers.add("trail", "Pose trail", false, (on) => { scene.showTrail(on); scene.dirty(); }, "the robot at six instants", wish.has("trail"));
     layers.add("frames", "Frames", false, layer("frames"), "axes of the world and of the tool: x red, y green, z blue", wish.has("frames"));
     if (scene.layers.ellipsoids.children.length) layers.add("ellipsoids", "Ellipsoids", false, layer("ellipsoids"), "Velocity (green) and force (red) of the tool in each direction, for the same effort of all joints", wish.has("ellipsoids"));
-    if (data.runs.some((run) => run.witnesses.length)) layers.add("witness", "Where it failed", true, (on) => { scene.layers.witness.visible = on; for (const failure of scene.failures) failure.show(on && failure.wanted); scene.dirty(false); });
+    if (data.runs.some((run) => run.witnesses.length)) layers.add("witness", "Where it failed", true, (on) => { scene.layers.witness.visible = on; OptiPlanFailure.only(scene.failures, (one) => on && one.wanted); scene.dirty(false); });
   }
 
   function switchSets(scene, view) {

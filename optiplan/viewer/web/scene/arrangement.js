@@ -60,8 +60,11 @@ const OptiPlanArrangement = (() => {
         if (mode === "beside" && !this.shown(k)) return;
         scene.box.union(this.narrow.clone().translate(scene.root.localToWorld(new THREE.Vector3(...by)).sub(origin)));
       });
+      const seen = scene.failures.filter((one) => one.on);
+      OptiPlanFailure.only(scene.failures, () => false); // while they have the bodies that they made red
       this.furnish();
       for (const failure of scene.failures) failure.fill();
+      OptiPlanFailure.only(seen, () => true);
       scene.frame();
       scene.dirty();
     }

@@ -16,18 +16,18 @@ const OptiPlanFailure = (() => {
         scene.pose(run.figure, run.poses);
       }
       this.addMarks();
-      this.on = true;
       this.fill();
+      this.show(true);
     }
 
     // The bodies that touch where this run stands: of obstacles its own copies, which are made anew as runs are arranged.
     fill() {
-      const { on, scene, run, witness } = this;
-      this.show(false);
-      this.bodies = witness.pair.flatMap((name) => scene.owned(name, run));
-      for (const label of this.labels) if (label.name) label.body = scene.owned(label.name, run).find((one) => one.userData.set !== "collision");
-      this.show(on);
+      this.bodies = this.witness.pair.flatMap((name) => this.scene.owned(name, this.run));
+      for (const label of this.labels) if (label.name) label.body = this.body(label.name);
     }
+
+    // The body that bears a name here.
+    body(name) { return this.scene.owned(name, this.run).find((one) => one.userData.set !== "collision"); }
 
     // A point of the run's own place in the picture: runs may stand side by side.
     placed(point) { return this.scene.world(point.map((x, k) => x + this.run.figure.position.getComponent(k))); }
@@ -47,10 +47,10 @@ const OptiPlanFailure = (() => {
       const label = scene.labels.add(`${witness.pair.join(" – ") || "here"}: ${deep}`, "bad");
       this.labels.push(Object.assign(label, { lift: 46, spot: this.middle }));
       for (const name of witness.pair) {
-        const mesh = scene.owned(name, this.run).find((one) => one.userData.set !== "collision");
+        const mesh = this.body(name);
         if (!mesh) continue;
         mesh.geometry.computeBoundingBox();
-        this.labels.push(Object.assign(scene.labels.add(name, "bad"), { lift: -30, name, body: mesh, middle: mesh.geometry.boundingBox.getCenter(new THREE.Vector3()) }));
+        this.labels.push(Object.assign(scene.labels.add(name, "bad"), { lift: -30, name, middle: mesh.geometry.boundingBox.getCenter(new THREE.Vector3()) }));
       }
     }
 
@@ -95,7 +95,7 @@ const OptiPlanFailure = (() => {
     // Makes what stands between the camera and the contact see-through, as the camera moves.
     update() {
       if (!this.on) return;
-      for (const label of this.labels) if (label.body) label.body.localToWorld(label.point.copy(label.middle)); else label.point.copy(this.placed(label.spot));
+      for (const label of this.labels) if (label.body) label.body.localToWorld(label.point.copy(label.middle)); else if (label.spot) label.point.copy(this.placed(label.spot));
       const { point } = this, eye = this.scene.viewer.camera.position;
       if (!point) return;
       const seen = [...eye.toArray(), ...point.toArray()].map((x) => x.toFixed(2)).join();
@@ -112,5 +112,11 @@ const OptiPlanFailure = (() => {
 
   const mean = (points) => [0, 1, 2].map((i) => points.reduce((sum, p) => sum + p[i], 0) / points.length);
 
-  return { Failure };
+  // Of all failures those that are wanted are shown. Several may share a body: what goes, goes first.
+  function only(failures, wanted) {
+    for (const failure of failures) failure.show(false);
+    for (const failure of failures) if (wanted(failure)) failure.show(true);
+  }
+
+  return { Failure, only };
 })();

@@ -266,7 +266,8 @@ const OptiPlanScene = (() => {
     // All meshes of a body that has this name in reports: obstacles, and of the runs' robots those that are shown; of one run, those at its place.
     owned(name, run = null) {
       const { children } = this.scenery, own = run && children.find((stand) => stand.run === run);
-      const found = (own ? [own] : [this.layers.obstacle, ...(run ? [] : children)]).flatMap((group) => group.children).filter((mesh) => mesh.userData.owner === name);
+      const shared = this.layers.obstacle.children.filter((mesh) => !own || mesh.userData.plane); // planes have no copies
+      const copies = own ? [own] : run ? [] : children, found = [...shared, ...copies.flatMap((group) => group.children)].filter((mesh) => mesh.userData.owner === name);
       for (const one of run ? [run] : this.runs) for (const mesh of one.objects.meshes) if (mesh.userData.owner === name) found.push(mesh);
       for (const one of run ? [run] : this.runs) one.figure.traverse((o) => { if (o.isMesh && o.userData.owner === name && !found.includes(o)) found.push(o); });
       return found;
