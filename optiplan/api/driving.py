@@ -1,12 +1,14 @@
 """`driver`: drivers by name."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from inspect import signature
 from typing import Any
 
-from optiplan.errors import UnknownChoiceError, described, wrong_argument
+from optiplan.errors import OptiPlanError, UnknownChoiceError, described, wrong_argument
 from optiplan.execution.drivers.base import Driver
+from optiplan.execution.executor import Executor
+from optiplan.execution.loop.execution import Execution
 from optiplan.runs.run import Run
 
 DRIVERS = {
@@ -53,6 +55,23 @@ def driver(name: str, run: Run, **options: Any) -> Driver:
         if option not in known:
             raise wrong_argument("driver", option, described(value), f"an option of '{name}': {', '.join(known)}")
     return _made_by(name)(run, **options)
+
+
+def execution_by(
+    name: str, executor: Executor, options: Mapping[str, Any], rate: float | None, patience: float
+) -> tuple[Execution, Driver]:
+    """Return an execution that is not started, and its driver, which also gets a `rate`, Hz, where it has the option.
+
+    Raises:
+        UnknownChoiceError, InputError, OptiPlanError: as `driver`, or the driver does not fit.
+    """
+    own = {"rate": rate} if rate is not None and "rate" in driver_options(name) else {}
+    made = driver(name, executor.run, **options, **own)
+    try:
+        return Execution(executor, made, rate=rate, patience=patience), made
+    except OptiPlanError:
+        made.stop("not started")
+        raise
 
 
 def _made_by(name: str) -> Callable[..., Driver]:

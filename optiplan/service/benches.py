@@ -56,7 +56,7 @@ class Benches:
                 check_budget(mine[0], self._settings)
                 about = await self._requests.check(mine[0])  # before any is queued
                 for submission in mine:
-                    run = new_run(submission, {**about, "seed": submission.seed}, "")
+                    run = new_run(submission, {**about, "seed": submission.seed})
                     runs.append([run.name, planner.shown, run.seed, run.id])
                 asked += mine
         await self._check_room([run for *_, run in runs])

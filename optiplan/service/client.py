@@ -322,15 +322,11 @@ class Client:
             record = self._sent("GET", f"/api/runs/{answer['id']}/{RUN}")
         except ServerError as error:
             failure = answer["failure"]
-            if waited:  # what was waited for is at hand
-                return self._proved(problem, answer, record)
-            if failure is None or error.status != 404:
+            if not waited and (failure is None or error.status != 404):
                 raise
-            raise ServerError(500, f"the run {answer['id']} failed: {failure['kind']}: {failure['detail']}") from None
-        return self._proved(problem, answer, record)
-
-    def _proved(self, problem: Problem | None, answer: Mapping[str, Any], record: Mapping[str, Any]) -> Run:
-        """The run of an answer and its record, which may be empty; its motion is verified."""
+            if not waited:  # what was waited for is at hand
+                said = f"the run {answer['id']} failed: {failure['kind']}: {failure['detail']}"
+                raise ServerError(500, said) from None
         data = answer["trajectory"]
         motion = None if data is None else Trajectory.from_dict(data)
         given = None if data is None else GivenFiles.of(data, record, TRAJECTORY)

@@ -12,6 +12,7 @@ from optiplan.service.models import Submission
 from optiplan.service.refusals import Refusal, busy
 from optiplan.service.requests import ProblemRequests, digest_of
 from optiplan.service.settings import ServiceSettings
+from optiplan.service.store.contents import ContentFolder
 from optiplan.service.store.run_table import ENDED, NewRun, Record, tried_again
 
 
@@ -39,7 +40,7 @@ class QueuedPlans:
 
     def _submit(self, submission: Submission, name: str, about: Mapping[str, Any], request: Record) -> Record:
         contents, runs = self._archive.contents, self._archive.runs
-        new = new_run(submission, about, "")
+        new = new_run(submission, about)
         known = runs.get(new.id)
         if known is not None and known["status"] in ENDED and not tried_again(known):
             return known
@@ -47,8 +48,7 @@ class QueuedPlans:
         waits = known is not None and known["status"] in ("queued", "running")
         if not waits and (waiting := runs.waiting()) >= self._settings.queue:
             raise busy(f"{waiting} runs are queued, which is all that this server takes", min(60.0, 0.1 * waiting))
-        content = json.dumps(request).encode()
-        record, fresh = runs.submit(replace(new, request=contents.put(content), bytes=len(content)), name)
+        record, fresh = runs.submit(with_request(new, request, contents), name)
         if fresh:
             self._queue.wake()
         return record
@@ -65,8 +65,8 @@ def check_budget(submission: Submission, settings: ServiceSettings) -> None:
         raise Refusal(422, f"budget: found {submission.budget:g} s; expected at most {most:g} s on this server")
 
 
-def new_run(submission: Submission, about: Mapping[str, Any], request: str) -> NewRun:
-    """Return the run of a submission; its id is the digest of everything that determines the answer."""
+def new_run(submission: Submission, about: Mapping[str, Any]) -> NewRun:
+    """Return the run of a submission, without its request; its id is the digest of all that determines the answer."""
     asked = [about[key] for key in ("hash", "planner", "options", "seed")]
     asked += [submission.budget, submission.deadline, optiplan.__version__]
     asked += [submission.warm_start] if submission.warm_start else []
@@ -75,9 +75,15 @@ def new_run(submission: Submission, about: Mapping[str, Any], request: str) -> N
         name=about["name"],
         problem=about["hash"],
         robot=about["robot"],
-        request=request,
+        request="",
         planner=about["planner"],
         seed=about["seed"],
         budget=submission.budget,
         deadline=submission.deadline,
     )
+
+
+def with_request(new: NewRun, request: Record, contents: ContentFolder) -> NewRun:
+    """Return a run with its request, which is stored."""
+    content = json.dumps(request).encode()
+    return replace(new, request=contents.put(content), bytes=len(content))

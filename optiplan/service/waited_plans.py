@@ -1,7 +1,6 @@
 """Plans that callers wait for, past the queue: answered as soon as there is a motion, kept after that."""
 
 import asyncio
-import json
 import logging
 import time
 import uuid
@@ -18,7 +17,7 @@ from optiplan.service.execution.event_writer import AWAY, RETRY
 from optiplan.service.execution.run_solver import GRACE, LEAD, RunSolver
 from optiplan.service.execution.solver_pool import POLL, SolverAnswer, SolverJob, SolverPool
 from optiplan.service.models import PlanRequest
-from optiplan.service.queued_plans import check_budget, new_run
+from optiplan.service.queued_plans import check_budget, new_run, with_request
 from optiplan.service.refusals import Refusal, busy
 from optiplan.service.requests import ProblemRequests, refusal_of
 from optiplan.service.settings import ServiceSettings
@@ -91,7 +90,7 @@ class WaitedPlans:
             late = answer.death == "timeout" and left < wall
             raise Refusal(504 if answer.death == "timeout" else 503, "deadline" if late else answer.detail)
         # An attempt has an id of its own: within a budget of time, the next one finds another motion.
-        new = replace(new_run(submission, answer.data, ""), id=uuid.uuid4().hex)
+        new = replace(new_run(submission, answer.data), id=uuid.uuid4().hex)
         record = {**vars(new), **answer.data, "status": "failed" if answer.data["failure"] else "done"}
         record |= {"submitted": began, "started": began, "finished": time.time()}
         record["contents"] = {RUN: ""}  # which is kept after the answer, and whose digest is known then
@@ -137,8 +136,7 @@ class WaitedPlans:
 
                 def write() -> None:
                     self._archive.contents.check_room()
-                    content = json.dumps(request).encode()
-                    kept = replace(new, request=self._archive.contents.put(content), bytes=len(content))
+                    kept = with_request(new, request, self._archive.contents)
                     self._archive.runs.add_ended(kept, self._solver.ended(end), began)
 
                 if end.death is None:

@@ -13,7 +13,7 @@ from optiplan.cli.completion import planner_names, problem_names
 from optiplan.cli.options import AsJson, refuse
 from optiplan.cli.output import Exit, end_with, handling, print_error, print_json, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
-from optiplan.errors import InputError, OptiPlanError
+from optiplan.errors import InputError
 
 if TYPE_CHECKING:
     from optiplan.execution.drivers.base import Driver
@@ -96,21 +96,12 @@ def _executed(
     motion: "Run", driver: str, options: Mapping[str, Any], steering: Mapping[str, Any]
 ) -> tuple[dict[str, Any], bool]:
     """Execute a motion here; return what came of it, and whether Ctrl-C was pressed."""
-    from optiplan.api.driving import driver as driver_of
-    from optiplan.api.driving import driver_options
+    from optiplan.api.driving import execution_by
     from optiplan.execution.executor import Executor
-    from optiplan.execution.loop.execution import Execution
 
     executor = Executor(motion, override=steering["override"], deviation=steering["deviation"])
     with stdout_is_ours():
-        rate = steering["rate"]
-        own = {"rate": rate} if rate is not None and "rate" in driver_options(driver) else {}
-        made = driver_of(driver, motion, **options, **own)
-        try:
-            execution = Execution(executor, made, rate=rate, patience=steering["patience"])
-        except OptiPlanError:
-            made.stop("not started")
-            raise
+        execution, made = execution_by(driver, executor, options, steering["rate"], steering["patience"])
         with ProgressLine() as progress, _stopping(execution.stop) as pressed:
             execution.start()
             while not execution.over:

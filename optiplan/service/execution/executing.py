@@ -11,12 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.api.driving import driver, driver_options
+from optiplan.api.driving import execution_by
 from optiplan.bench.execution.keeper import RESPITE
 from optiplan.cores import keeping_time, take_turns
 from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.execution.executor import Executor
-from optiplan.execution.loop.execution import Execution
 from optiplan.execution.loop.tick_loop import PATIENCE
 from optiplan.geometry.pose import Pose
 from optiplan.problem.problem import Problem
@@ -59,16 +58,10 @@ class Executing:
         self._executor = Executor(run, override=0.0 if request["paused"] else speed, **limits)
         self._executor.override = speed  # one that began with 0 stays paused
         self._executor.prepare()
-        name, options, rate = request["driver"], dict(request["driver_options"]), request["rate"]
-        if rate is not None and "rate" in driver_options(name):
-            options["rate"] = rate
-        self._driver = driver(name, run, **options)
-        patience = request["patience"] or PATIENCE
-        try:
-            self._execution = Execution(self._executor, self._driver, rate=rate, patience=patience)
-        except OptiPlanError:
-            self._driver.stop("not started")
-            raise
+        options, patience = request["driver_options"], request["patience"] or PATIENCE
+        self._execution, self._driver = execution_by(
+            request["driver"], self._executor, options, request["rate"], patience
+        )
         self._poses = Poses(run.problem)
         self._obstacles: dict[str, list[float]] = {}
         self._replies: queue.SimpleQueue[Message] = queue.SimpleQueue()

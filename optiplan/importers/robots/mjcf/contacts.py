@@ -31,11 +31,12 @@ def overlapping_pairs(mujoco: Any, model: Any, links: Sequence[str]) -> set[Link
     """
     geoms, remark = solid_geoms(mujoco, model)
     solid = [geom for geom in sorted(geoms) if _is_body(mujoco, model, geom)]
+    named = {frozenset(map(int, two)) for two in zip(model.pair_geom1, model.pair_geom2, strict=True)}
     apart: dict[LinkPair, list[tuple[int, int]]] = {}
     touching: set[LinkPair] = set()
     for a, b in combinations(solid, 2):
         pair = link_pair(links[int(model.geom_bodyid[a])], links[int(model.geom_bodyid[b])])
-        if _may_touch(model, a, b) or (remark and links[0] in pair):
+        if {a, b} in named or _may_touch(model, a, b) or (remark and links[0] in pair):
             touching.add(pair)
         else:
             apart.setdefault(pair, []).append((a, b))
@@ -63,11 +64,9 @@ def _is_body(mujoco: Any, model: Any, geom: int) -> bool:
 
 
 def _may_touch(model: Any, a: int, b: int) -> bool:
-    """Whether MuJoCo makes contacts between two geoms, or they belong to bodies that never move against each other."""
+    """Whether MuJoCo makes contacts between two geoms that no pair names, or their bodies never move apart."""
     first, second = (int(model.body_weldid[model.geom_bodyid[geom]]) for geom in (a, b))
     if first == second:
-        return True
-    if {a, b} in [{int(one), int(other)} for one, other in zip(model.pair_geom1, model.pair_geom2, strict=True)]:
         return True
     parents = [int(model.body_weldid[model.body_parentid[weld]]) for weld in (first, second)]
     if (parents[0] == second and second != 0) or (parents[1] == first and first != 0):
