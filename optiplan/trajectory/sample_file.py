@@ -109,6 +109,9 @@ def _of_csv(text: str, file: str) -> Samples:
     columns: dict[str, dict[str, int]] = {kind: {} for kind in _KINDS}
     for k, name in enumerate(header[1:], 1):
         kind, joint = (name[0], name[2:]) if name[:2] in ("q_", "v_", "a_") else ("q", name)
+        if joint in columns[kind]:  # another program may play the other one
+            found = f"two columns for {joint}: {header[columns[kind][joint]]}, {name}"
+            raise InputError([Issue(file, 1, "header", found[:120], _HEADER)])
         columns[kind][joint] = k
     names = tuple(columns["q"])
     for kind in ("v", "a"):
@@ -135,7 +138,7 @@ def _number(cell: str) -> float:
 def _ordered(samples: Samples, joint_names: Sequence[str] | None) -> Samples:
     """With columns in this order, where the joints are the same."""
     names = samples.joint_names
-    if joint_names is None or names == tuple(joint_names) or set(names) != set(joint_names):
+    if joint_names is None or names == tuple(joint_names) or sorted(names) != sorted(joint_names):
         return samples
     order = [names.index(name) for name in joint_names]
     parts = {kind: getattr(samples, kind) for kind in _KINDS}

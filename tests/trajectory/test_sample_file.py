@@ -5,7 +5,7 @@ import json
 import pytest
 
 from optiplan.errors import InputError
-from optiplan.trajectory.sample_file import read_samples
+from optiplan.trajectory.sample_file import read_samples, samples_from_dict
 from optiplan.trajectory.trajectory import Trajectory
 
 
@@ -34,6 +34,16 @@ def test_true_is_no_number(tmp_path, key):
     file.write_text(json.dumps(data))
     with pytest.raises(InputError, match=f"{key}: other things than numbers|{key}: found other things"):
         read_samples(file)
+
+
+def test_a_joint_that_is_stated_twice_is_refused(tmp_path):
+    file = tmp_path / "motion.csv"
+    file.write_text("t,a,q_a,b\n0,9,0,0\n1,9,1,1\n")
+    with pytest.raises(InputError, match=r"motion\.csv:1: header: two columns for a: a, q_a"):
+        read_samples(file)
+    twice = {"joint_names": ["b", "b", "a"], "t": [0, 1], "q": [[0, 5, 0], [1, 6, 1]]}
+    with pytest.raises(InputError, match=r"motion: joint_names: \('b', 'b', 'a'\)"):
+        samples_from_dict(twice, "motion", ["a", "b"]).trajectory()
 
 
 def test_pieces_and_segments_hold_no_truth_values():
