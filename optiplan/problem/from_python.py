@@ -17,6 +17,7 @@ from optiplan.robot.robot import Robot, load_robot
 
 if TYPE_CHECKING:
     from optiplan.problem.constraints.expression import Expression
+    from optiplan.problem.problem import Problem
 
 _HERE = "<problem>"
 """Stands for the file of a problem that has none."""
@@ -122,6 +123,21 @@ def split_expressions(constraints: Any) -> "tuple[Any, list[Expression]]":
 def expression_names(constraints: Any) -> list[str]:
     """Return the names of the constraints that no file holds."""
     return [one.name for one in split_expressions(constraints)[1]]
+
+
+def file_data(problem: "Problem", function: str) -> Mapping[str, Any]:
+    """Return a problem as a file holds it, for a function that hands it on without what no file holds.
+
+    Raises:
+        InputError: it was put together by hand, or has an expression.
+    """
+    if not problem.source:
+        found = "a problem that was put together by hand"
+        raise wrong_argument(function, "problem", found, "one that was read, or made by op.Problem(…)")
+    if names := expression_names(problem.path_constraints):
+        found = f"a problem with the expression '{names[0]}'"
+        raise wrong_argument(function, "problem", found, "constraints that a file can hold")
+    return problem.source
 
 
 def read_data(data: Mapping[str, Any], robot: Robot | None = None) -> Mapping[str, Any]:

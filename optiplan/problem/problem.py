@@ -327,18 +327,14 @@ class Problem(ReadOnlyArrays, FreeSpace):
         Files of robots and meshes stay where they are and are named by their whole paths.
 
         Raises:
-            InputError: the file cannot be written, or the problem was put together by hand.
+            InputError: the file cannot be written, or holds no such problem: put together by hand, or with an
+                expression.
         """
-        from optiplan.problem.from_python import expression_names
+        from optiplan.problem.from_python import file_data
 
-        if not self.source:
-            found = "a problem that was put together by hand"
-            raise wrong_argument("Problem.save", "problem", found, "one that was read, or made by op.Problem(…)")
-        if names := expression_names(self.path_constraints):
-            found = f"a problem with the expression '{names[0]}'"
-            raise wrong_argument("Problem.save", "problem", found, "constraints that a file can hold")
+        text = problem_text(file_data(self, "Problem.save"))
         with writing("Problem.save", path):
-            write_text(path_argument("Problem.save", "path", path, "the path of a file"), problem_text(self.source))
+            write_text(path_argument("Problem.save", "path", path, "the path of a file"), text)
 
     def _with(self, **changes: Any) -> "Problem":
         from optiplan.problem.from_python import ARGUMENT_WRITERS, arguments_data, read_data, split_expressions

@@ -25,6 +25,7 @@ from optiplan.errors import (
     wrong_argument,
 )
 from optiplan.files import read_bytes
+from optiplan.problem.from_python import file_data
 from optiplan.problem.hashing import shape_files_of
 from optiplan.problem.problem import Problem
 from optiplan.runs.run import Run
@@ -98,7 +99,7 @@ class Client:
             warm_start: id of a run on the server, of a problem not far from this one, at whose motion planning begins.
 
         Raises:
-            InputError: the problem or an argument is wrong.
+            InputError: the problem or an argument is wrong, or the problem has an `op.Expression`, which stays here.
             ServerError: there is no server, it refuses, or the answer is of another problem.
 
         A motion whose record cannot be had, as where the server's disk is full, is returned without what stands there.
@@ -297,10 +298,7 @@ class Client:
 
     def _data(self, problem: Problem) -> dict[str, Any]:
         """A problem as data; its meshes are uploaded."""
-        if not problem.source:
-            found = "a problem that was put together by hand"
-            raise wrong_argument("Client", "problem", found, "one that was read, or made by op.Problem(…)")
-        data: dict[str, Any] = json.loads(json.dumps(problem.source))
+        data: dict[str, Any] = json.loads(json.dumps(file_data(problem, "Client")))
         for mesh in shape_files_of(data):
             mesh["file"] = self._upload(Path(mesh["file"]))
         return data

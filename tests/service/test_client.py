@@ -72,6 +72,13 @@ def test_arguments_that_no_server_can_take_are_told(client, quick, given, word):
         assert word in str(raised.value)
 
 
+def test_a_constraint_that_no_server_gets_is_refused(client, quick):
+    own = op.load_problem(quick).with_constraint(op.Expression("slow", lambda k: k.v[0], upper=9.0))
+    for ask in (client.plan, client.submit, client.execute):
+        with pytest.raises(op.InputError, match=r"op\.Client: problem: found a problem with the expression 'slow'"):
+            ask(own)
+
+
 def test_options_of_an_execution_are_named(client):
     with pytest.raises(op.InputError, match=r"op.Client.execute: override: found the float nan"):
         client.execute("0" * 32, rate=100.0, override=NAN)
