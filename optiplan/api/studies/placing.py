@@ -15,6 +15,7 @@ from optiplan.errors import InputError, described, path_argument, progress_argum
 from optiplan.geometry.poses import pose_to_data
 from optiplan.planners.base import Budget, Progress
 from optiplan.planners.tours.placing import PlaceRange, PlaceScores, moved_base, search_places
+from optiplan.problem.from_python import file_data
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
 from optiplan.problem.write import problem_text
@@ -83,12 +84,13 @@ class Placement:
         """Write `place.html`, `place.png` and, where a base was found, `problem.yaml`; return the paths.
 
         Raises:
-            InputError: the folder cannot be written, or has a `problem.yaml` that no earlier result left there.
+            InputError: the folder cannot be written, or has a `problem.yaml` that no earlier result left there; or the
+                problem has an `op.Expression`, which no file holds.
         """
         title = f"Where {self.problem.robot.name} stands for {self.problem.name}"
         picture = draw_map(self.scores, title)
         rows = [_cells(moved, self._score(moved), run) for moved, run in self.planned]
-        text = problem_text(self.run.problem.source) if self.run is not None else ""
+        text = problem_text(file_data(self.run.problem, "Placement.save")) if self.run is not None else ""
         page = place_page(title, self.words, picture, rows, problem_text({"base": self.base}) if self.base else "–")
         files = {"place.png": picture, "place.html": page.encode()} | ({"problem.yaml": text.encode()} if text else {})
         return RESULT.write(folder, files)
@@ -139,7 +141,8 @@ def place(
 
     Raises:
         InputError: an argument that does not fit, or a problem of several robots: there is no single base to move;
-            `out` has a `problem.yaml` that no earlier result left there.
+            `out` has a `problem.yaml` that no earlier result left there; or a problem with an `op.Expression` together
+            with `out` or another robot: no file holds it.
 
     Example:
         >>> import optiplan as op
@@ -157,6 +160,7 @@ def place(
     where = _checked(where or PlaceRange())
     folder = None if out is None else path_argument("place", "out", out, "the path of a folder")
     if folder is not None:
+        file_data(problem, "place")  # else `save` would refuse it once all is planned
         RESULT.check(folder)
     _refuse_several(problem.robot, "problem")
     problem = problem if robot is None else _with_robot(problem, robot)
@@ -169,7 +173,7 @@ def place(
     for count, moved in enumerate(_candidates(scores)):
         progress("planning at the best places", count / _PLANNED)
         try:
-            own = problem_from_dict({**problem.source, "base": _base(problem, moved)})
+            own = problem.with_base(_base(problem, moved))
         except InputError as error:  # such as a start that the exact shapes of the verifier's model collide at
             refused.append((moved, "; ".join(f"{one.field}: {one.found}" for one in error.issues)))
             continue
@@ -215,8 +219,9 @@ def _with_robot(problem: Problem, robot: Robot | str | Path) -> Problem:
         found = f"{other.name}, which has no named configuration to start in"
         raise wrong_argument("place", "robot", found, "the robot of the problem, or one with `configurations`")
     start = {"configuration": "ready" if "ready" in names else names[0]}
-    source = {key: value for key, value in problem.source.items() if key not in ("group", "locked")}
-    return problem_from_dict({**source, "robot": other.reference.robot or other.name, "start": start})
+    source = {key: value for key, value in file_data(problem, "place").items() if key not in ("group", "locked")}
+    stated = {**source, "robot": other.reference.robot or other.name, "start": start}
+    return problem_from_dict(stated).with_seed(problem.seed)
 
 
 def _refuse_several(robot: Robot, argument: str) -> None:

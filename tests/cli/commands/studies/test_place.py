@@ -2,10 +2,13 @@
 
 import re
 
+import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.api.studies import placing
 from optiplan.api.studies.placing import RESULT, _with_robot
+from optiplan.planners.tours.placing import PlaceScores
 
 TASK = """version: 1
 name: three
@@ -90,6 +93,19 @@ def test_another_robot_with_the_same_name_is_another():
     other = op.Robot.from_urdf(urdf, name=problem.robot.name, configurations={"ready": [0.1, 0.2]})
     assert _with_robot(problem, other).robot.fingerprint == other.fingerprint
     assert _with_robot(problem, problem.robot.name) is problem
+
+
+def test_an_expression_and_the_seed_hold_at_every_base_and_are_in_no_file(tmp_path, monkeypatch):
+    scores = PlaceScores(np.array([[0.0] * 4, [-0.2, -0.2, 0.0, 0.0]]), np.zeros(2), np.ones(2))
+    monkeypatch.setattr(placing, "search_places", lambda *_: scores)
+    plain = op.load_problem("12_planar", planner="quintic").with_seed(7)
+    own = plain.with_constraint(op.Expression("slow", lambda k: k.v[0], lower=-9.0))
+    stated = [(run.problem.seed, run.problem.path_constraints) for _, run in op.place(own).planned]
+    assert stated == [(7, own.path_constraints)] * 2
+    assert _with_robot(plain, "two_links").seed == 7
+    for refused in ({"out": tmp_path}, {"robot": "two_links"}):
+        with pytest.raises(op.InputError, match=r"op\.place: problem: found a problem with the expression 'slow'"):
+            op.place(own, **refused)
 
 
 def test_another_robot_starts_in_its_own_configuration(optiplan_json, task):
