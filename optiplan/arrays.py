@@ -1,8 +1,8 @@
 """The array types of the project, whose shape and unit stand in the docstring of what uses them; and unit vectors."""
 
 import math
-from collections.abc import Sequence
-from typing import Any, TypeGuard
+from collections.abc import Iterable, Sequence
+from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -18,18 +18,41 @@ Flags = npt.NDArray[np.bool_]
 Index = npt.NDArray[np.intp]
 """Array of indices."""
 
+Kind = TypeVar("Kind", bound=npt.NDArray[Any])
+
 UNIT_TOLERANCE = 1e-3
 """How far the length of a unit vector or quaternion written by hand may be from 1; it is normalised then."""
 
 
 class ReadOnlyArrays:
-    """What has arrays that nobody may write into, also as a deep copy, or as it comes from another process."""
+    """What has arrays that nobody may write into, also as a deep copy, or as it comes from another process.
+
+    Of a frozen dataclass the attributes that are arrays are copied.
+    """
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if isinstance(value, np.ndarray) and value.flags.writeable:
+                object.__setattr__(self, name, read_only(value.copy()))
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        for value in state.values():
-            if isinstance(value, np.ndarray):
-                value.flags.writeable = False
+        _protect(state.values())
         self.__dict__.update(state)
+
+
+def read_only(array: Kind) -> Kind:
+    """Return the array itself, which nobody may write into from now on."""
+    array.flags.writeable = False
+    return array
+
+
+def _protect(values: Iterable[Any]) -> None:
+    """Make arrays read-only, also those in tuples and mappings."""
+    for value in values:
+        if isinstance(value, np.ndarray):
+            read_only(value)
+        elif isinstance(value, tuple | dict):
+            _protect(value.values() if isinstance(value, dict) else value)
 
 
 def is_finite(value: Any) -> TypeGuard[float]:

@@ -50,9 +50,6 @@ class ObstacleMotion(ReadOnlyArrays):
         size = max(1, *(len(row) for row in rows))
         padded = [[*row, *[0.0] * (size - len(row))] for row in rows]
         coefficients = np.array(padded, float)
-        for array in (coefficients, axis, point):
-            if array is not None:
-                array.flags.writeable = False
         return cls(coefficients, np.inf if until is None else float(until), axis, point)
 
     def to_data(self) -> dict[str, Any]:

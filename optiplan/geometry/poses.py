@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, NoReturn, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import UNIT_TOLERANCE, Array, unit_vector
+from optiplan.arrays import UNIT_TOLERANCE, Array, read_only, unit_vector
 
 HALF_TURN = 1e-9
 """Components of a unit quaternion smaller than this count as 0 when the shorter of two rotations is chosen."""
@@ -132,12 +132,12 @@ class FixedPose(pin.SE3):  # type: ignore[misc]  # pinocchio has no types
     @property
     def translation(self) -> Array:
         """The translation (3,), m."""
-        return _read_only(pin.SE3.translation.fget(self))
+        return read_only(pin.SE3.translation.fget(self))
 
     @property
     def rotation(self) -> Array:
         """The rotation matrix (3, 3)."""
-        return _read_only(pin.SE3.rotation.fget(self))
+        return read_only(pin.SE3.rotation.fget(self))
 
     def setIdentity(self) -> NoReturn:
         """Refuse."""
@@ -148,8 +148,3 @@ class FixedPose(pin.SE3):  # type: ignore[misc]  # pinocchio has no types
     def __reduce__(self) -> tuple[Any, ...]:
         """How to pickle it."""
         return FixedPose, (self.copy(),)
-
-
-def _read_only(array: Array) -> Array:
-    array.flags.writeable = False
-    return array

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from optiplan.arrays import Array, ReadOnlyArrays
+from optiplan.arrays import Array, ReadOnlyArrays, read_only
 from optiplan.errors import path_argument, seed_argument, writing, wrong_argument
 from optiplan.files import write_text
 from optiplan.geometry.pose import Pose, Values
@@ -159,9 +159,8 @@ class Problem(ReadOnlyArrays, FreeSpace):
         for name, value in parts.items():
             object.__setattr__(self, name, value)
         for name in {"start", "start_velocity", "start_acceleration", "tracking_error"} & parts.keys():
-            array = np.array(parts[name])
-            array.flags.writeable = False  # nobody writes into what the hash is about
-            object.__setattr__(self, name, array)
+            # nobody writes into what the hash is about
+            object.__setattr__(self, name, read_only(np.array(parts[name])))
 
     @classmethod
     def of(cls, parts: Mapping[str, Any]) -> "Problem":

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array, ReadOnlyArrays
+from optiplan.arrays import Array, ReadOnlyArrays, read_only
 from optiplan.config.document import Document
 from optiplan.config.messages import choices
 from optiplan.errors import InputError, Issue
@@ -58,9 +58,7 @@ class Limits(ReadOnlyArrays):
 
     def __post_init__(self) -> None:
         for one in fields(self):
-            array = np.array(getattr(self, one.name))
-            array.flags.writeable = False
-            object.__setattr__(self, one.name, array)
+            object.__setattr__(self, one.name, read_only(np.array(getattr(self, one.name))))
 
     @property
     def rates(self) -> tuple[Array, Array, Array]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from optiplan.arrays import Array, ReadOnlyArrays
+from optiplan.arrays import Array, ReadOnlyArrays, read_only
 from optiplan.errors import described, wrong_argument
 from optiplan.robot.given_configurations import configuration
 from optiplan.robot.robot import Robot
@@ -46,10 +46,10 @@ class State(ReadOnlyArrays):
 
     @classmethod
     def of(cls, q: Array, v: Array, a: Array) -> "State":
-        """A state of arrays (n,) that are known to be good, unchecked."""
+        """A state of arrays (n,) that are known to be good, unchecked; nobody may write into them from now on."""
         state = object.__new__(cls)
         fields = state.__dict__  # of a frozen class; this is done in every step of a loop
-        fields["q"], fields["v"], fields["a"] = q, v, a
+        fields["q"], fields["v"], fields["a"] = read_only(q), read_only(v), read_only(a)
         return state
 
     @property
@@ -86,7 +86,7 @@ def _vector(name: str, values: object, size: int | None) -> Array:
         InputError: no numbers, NaN, or another count than that of the positions.
     """
     if values is None and size is not None:
-        return np.zeros(size)
+        return read_only(np.zeros(size))
     try:
         vector = np.array(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -97,5 +97,4 @@ def _vector(name: str, values: object, size: int | None) -> Array:
     bad = np.flatnonzero(~np.isfinite(vector))
     if len(bad):
         raise wrong_argument("State", f"{name}[{bad[0]}]", str(vector[bad[0]]), "a finite number")
-    vector.flags.writeable = False
-    return vector
+    return read_only(vector)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from optiplan._core import core
-from optiplan.arrays import Array, Index, ReadOnlyArrays
+from optiplan.arrays import Array, Index, ReadOnlyArrays, read_only
 from optiplan.errors import InputError, Issue, described
 from optiplan.trajectory import bspline, polynomial
 from optiplan.trajectory.pieces import defect, read_pieces
@@ -31,7 +31,7 @@ class States(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Extrema:
+class Extrema(ReadOnlyArrays):
     """Minimum and maximum of one derivative of each joint over all time and when they are reached.
 
     Attributes:
@@ -90,8 +90,7 @@ class Trajectory(ReadOnlyArrays):
             except (TypeError, ValueError, OverflowError):
                 found = described(getattr(self, name))
                 raise ValueError(f"{name}: found {found}; expected an array of numbers") from None
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+            object.__setattr__(self, name, read_only(array))
         problem = defect(self.joint_names, self.breakpoints, self.coefficients)
         if problem is not None:
             raise ValueError(f"{problem.field}: found {problem.found}; expected {problem.expected}")
@@ -137,19 +136,17 @@ class Trajectory(ReadOnlyArrays):
     @cached_property
     def widths(self) -> Array:
         """Lengths of the pieces, (m,), s."""
-        found = np.diff(self.breakpoints)
-        found.flags.writeable = False
-        return found
+        return read_only(np.diff(self.breakpoints))
 
     @cached_property
     def start(self) -> Array:
         """Configuration q(0), shape (n,), rad or m."""
-        return np.asarray(self(np.zeros(1))[0])
+        return read_only(self(0.0))
 
     @cached_property
     def end(self) -> Array:
         """Configuration q(duration), shape (n,), rad or m."""
-        return np.asarray(self(np.array([self.duration]))[0])
+        return read_only(self(self.duration))
 
     def derivatives(self, order: int) -> Array:
         """Local coefficients of a derivative: (m, max(degree - order, 0) + 1, n), ascending powers.
@@ -272,8 +269,7 @@ class Trajectory(ReadOnlyArrays):
         if order not in self._jumps:
             c = self.derivatives(order)
             left = polynomial.evaluate(np.swapaxes(c[:-1], 1, 2), self.widths[:-1, None])
-            self._jumps[order] = np.asarray(c[1:, 0] - left)
-            self._jumps[order].flags.writeable = False
+            self._jumps[order] = read_only(np.asarray(c[1:, 0] - left))
         return self._jumps[order]
 
     def squared_jerk(self) -> float:
@@ -340,7 +336,7 @@ class Trajectory(ReadOnlyArrays):
         """Coefficients of a derivative on pieces stretched to [0, 1]: (m, n, max(degree - order, 0) + 1)."""
         if order not in self._units:
             c = np.swapaxes(self.derivatives(order), 1, 2)
-            self._units[order] = c * self.widths[:, None, None] ** np.arange(c.shape[2])
+            self._units[order] = read_only(c * self.widths[:, None, None] ** np.arange(c.shape[2]))
         return self._units[order]
 
     @cached_property
@@ -369,6 +365,5 @@ class Trajectory(ReadOnlyArrays):
     def _derivatives(self) -> tuple[Array, ...]:
         c = [np.swapaxes(self.coefficients, 1, 2)]
         for _ in range(3):
-            c.append(polynomial.derivative(c[-1]))
-            c[-1].flags.writeable = False
+            c.append(read_only(polynomial.derivative(c[-1])))
         return tuple(np.swapaxes(one, 1, 2) for one in c)

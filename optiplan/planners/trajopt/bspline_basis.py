@@ -5,7 +5,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, read_only
 from optiplan.trajectory.bspline import basis_functions, pieces
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -52,9 +52,7 @@ def _matrix(basis: "SplineBasis", order: int, instants: bytes) -> Array:
     """Return the matrix of `SplineBasis.at` at instants, as bytes of an array of float64."""
     knots = basis.knots[order : len(basis.knots) - order]
     u = np.clip(np.frombuffer(instants), 0.0, 1.0)
-    matrix = np.asarray(basis_functions(u, knots, DEGREE - order) @ basis.derivative[order])
-    matrix.flags.writeable = False
-    return matrix
+    return read_only(np.asarray(basis_functions(u, knots, DEGREE - order) @ basis.derivative[order]))
 
 
 @lru_cache(maxsize=16)

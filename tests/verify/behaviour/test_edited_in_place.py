@@ -78,8 +78,9 @@ def test_a_run_from_another_process_and_a_copy_are_read_only_as_well(again):
     """Runs of `op.plan_many` come so: a motion edited in place kept its verdict, and was executed."""
     run = again(op.plan(op.load_problem("38_falling_ball"), budget=2.0))
     motions = [one.motion.coefficients for one in run.problem.scene.obstacles if one.motion is not None]
-    limits, start = run.problem.limits, run.problem.start_state
-    kept = [run.trajectory.coefficients, run.trajectory.breakpoints, limits.velocity, run.problem.start, start.q]
+    motion, limits, start = run.trajectory, run.problem.limits, run.problem.start_state
+    kept = [motion.coefficients, motion.breakpoints, limits.velocity, run.problem.start, start.q, op.State(start.q).v]
+    kept += [motion.start, motion.end, *motion.extrema(1), motion.unit_pieces(1), motion.derivatives(1)]
     for array in [*kept, *motions]:
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1.0
