@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, NoReturn, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import UNIT_TOLERANCE, Array, read_only, unit_vector
+from optiplan.arrays import UNIT_TOLERANCE, Array, ReadOnlyArrays, read_only, unit_vector
 
 HALF_TURN = 1e-9
 """Components of a unit quaternion smaller than this count as 0 when the shorter of two rotations is chosen."""
@@ -148,3 +148,13 @@ class FixedPose(pin.SE3):  # type: ignore[misc]  # pinocchio has no types
     def __reduce__(self) -> tuple[Any, ...]:
         """How to pickle it."""
         return FixedPose, (self.copy(),)
+
+
+class ReadOnlyPoses(ReadOnlyArrays):
+    """A frozen dataclass with poses and arrays that nobody may write into: its attributes are copies."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, value in vars(self).items():
+            if isinstance(value, pin.SE3) and not isinstance(value, FixedPose):
+                object.__setattr__(self, name, FixedPose(value))

@@ -1,4 +1,4 @@
-"""Goals and vias of a problem, as planners and the verifier read them."""
+"""Goals and vias of a problem, as planners and the verifier read them: nobody writes into what the hash is about."""
 
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -6,13 +6,14 @@ from typing import TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, ReadOnlyArrays
+from optiplan.geometry.poses import ReadOnlyPoses
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.trajectory.state import State
 
 
 @dataclass(frozen=True, eq=False)
-class JointGoal:
+class JointGoal(ReadOnlyArrays):
     """End at this configuration, q of shape (n,), within `tolerance` (rad or m) of each joint.
 
     `velocity` (n,), rad/s or m/s, and `acceleration` (n,), rad/s² or m/s², are those at the end of the motion; None:
@@ -41,7 +42,7 @@ class ExactGoal(JointGoal):
 
 
 @dataclass(frozen=True, eq=False)
-class PoseGoal:
+class PoseGoal(ReadOnlyPoses):
     """End with `frame` at X_WG: translation error <= `position` (m), rotation angle error <= `orientation` (rad)."""
 
     frame: str
@@ -70,7 +71,7 @@ Goal = tuple[GoalEnd, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Via:
+class Via(ReadOnlyArrays):
     """A point to be passed on the way, after those before it: `at`, within its tolerances.
 
     Attributes:

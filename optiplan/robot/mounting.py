@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.geometry.poses import ReadOnlyPoses
 
 GRAVITY = (0.0, 0.0, -9.81)
 """m/s², of a robot whose base stands upright on Earth."""
@@ -23,7 +24,7 @@ class FixedFrame(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Mounting:
+class Mounting(ReadOnlyPoses):
     """Pose of the base, gravity, payload and frames.
 
     Attributes:

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan import cache
-from optiplan.arrays import Array
+from optiplan.arrays import Array, read_only
 from optiplan.config.document import Document, read_yaml, validate
 from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
@@ -66,6 +66,10 @@ class RobotParts:
     over_cover: Mapping[str, float] = field(default_factory=dict)
     mecanum: MecanumSpec | None = None
     reference: Reference = UNKNOWN
+
+    def __post_init__(self) -> None:
+        copies = {name: read_only(np.array(q)) for name, q in self.configurations.items()}
+        object.__setattr__(self, "configurations", copies)
 
 
 def read_robot(

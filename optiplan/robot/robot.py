@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from optiplan.arrays import Array, is_finite
+from optiplan.arrays import Array, is_finite, read_only
 from optiplan.cache import MostRecent
 from optiplan.config.document import plain
 from optiplan.config.messages import choices
@@ -147,7 +147,7 @@ class Robot(RobotParts):
     def revolute(self) -> npt.NDArray[np.bool_]:
         """Which planned joints turn, (n,); the others slide."""
         own = [self.model.getJointId(name) - 1 for name in self.joint_names]
-        return np.asarray(turning(self.model)[own])
+        return read_only(turning(self.model)[own])
 
     @cached_property
     def whole_turns(self) -> npt.NDArray[np.bool_]:
@@ -156,12 +156,12 @@ class Robot(RobotParts):
         sliding = {name for name, revolute in turns if not revolute}
         follow = self.followers.items()
         broken = {one.source for name, one in follow if name in sliding or not float(one.multiplier).is_integer()}
-        return np.asarray(self.revolute & np.array([name not in broken for name in self.joint_names]))
+        return read_only(self.revolute & np.array([name not in broken for name in self.joint_names]))
 
     @cached_property
     def endless(self) -> npt.NDArray[np.bool_]:
         """Which planned joints, (n,), have `whole_turns` and no limits of position."""
-        return np.asarray(self.whole_turns & np.isinf(self.limits.lower) & np.isinf(self.limits.upper))
+        return read_only(self.whole_turns & np.isinf(self.limits.lower) & np.isinf(self.limits.upper))
 
     def unit(self, quantity: str, joint: int) -> str:
         """Return the unit of a joint's `position`, `velocity`, `acceleration`, `jerk` or `torque`, by its type."""

@@ -10,13 +10,14 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.geometry.poses import ReadOnlyPoses
 
 _MOST_ROOM = 2e-3
 """m and rad: half a width that `inner` counts with at most; the errors of planned ends are far less."""
 
 
 @dataclass(frozen=True, eq=False)
-class RegionGoal:
+class RegionGoal(ReadOnlyPoses):
     """End with `frame` anywhere in a region: low <= coordinates(X_WF) <= high.
 
     The coordinates are those of the motion T = X_WR^-1 X_WF X_RF^-1, which is the identity in the middle of the region:

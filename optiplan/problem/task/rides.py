@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array, Flags
 from optiplan.geometry.obstacle_motion import SLIDES, ObstacleMotion
+from optiplan.geometry.poses import ReadOnlyPoses
 
 CONDITION = r"^\s*(\S+)\.(x|y|z|angle)\s*(<=|>=|<|>)\s*(\S+)\s*$"
 """`conveyor.x > 0.3`: where something is, m, or how far it has turned, rad."""
@@ -30,7 +31,7 @@ _COMPARED: Mapping[str, Callable[[Any, float], Any]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Mover:
+class Mover(ReadOnlyPoses):
     """Something that moves as stated.
 
     Attributes:

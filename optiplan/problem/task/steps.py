@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.geometry.poses import ReadOnlyPoses
 from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.goals_and_vias import Goal, PoseGoal, Via
 from optiplan.problem.regions.region import RegionGoal
@@ -35,7 +36,7 @@ class Move:
 
 
 @dataclass(frozen=True, eq=False)
-class StraightLine:
+class StraightLine(ReadOnlyPoses):
     """A frame goes straight to a pose, turning evenly about one axis, or by a vector, not turning.
 
     Attributes:

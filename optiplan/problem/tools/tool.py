@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import pinocchio as pin
 
+from optiplan.geometry.poses import ReadOnlyPoses
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.robot.mounting import FixedFrame
 
@@ -33,7 +34,7 @@ class ParkedBody(Obstacle):
 
 
 @dataclass(frozen=True, eq=False)
-class MountedTool:
+class MountedTool(ReadOnlyPoses):
     """A tool as it is on its link.
 
     Attributes:

@@ -31,7 +31,9 @@ def edits(X):
 
 def test_poses_of_bodies_are_read_only(problem):
     (wall,) = problem.scene.obstacles
-    for body, X in ((wall, wall.X_WO), (held := wall.attached_to("link2"), held.X_LO)):
+    (pose,) = problem.with_goal(op.Pose((1.1, 0.7, 0.0), frame="tool")).goal
+    poses = [(pose, pose.X_WG), ("base", problem.robot.mounting.X_WB)]
+    for body, X in (*poses, (wall, wall.X_WO), (held := wall.attached_to("link2"), held.X_LO)):
         before = X.copy()
         for edit in edits(X):
             with pytest.raises((AttributeError, ValueError)):
@@ -51,11 +53,17 @@ def test_a_pose_that_is_edited_later_is_not_that_of_the_body(problem):
     assert not verify(problem.with_scene([op.Obstacle("wall", wall.shape, X)]), motion).verified
 
 
-def test_limits_and_motions_of_obstacles_are_read_only(problem):
-    """`op.certify` keeps the limits of a problem, and once proved chunks with those from before an edit."""
+def test_what_else_a_problem_and_its_robot_hold_is_read_only(problem):
+    """`op.certify` keeps the limits of a problem, and once proved chunks with those from before an edit.
+
+    The hash of a problem is that of its goals as they were stated.
+    """
     turn = {"axis": (0, 0, 1), "angle": [0, 1], "about": (0, 0, 0)}
     motion = problem.scene.obstacles[0].moving([[0], [0, 0.2], [0]], turn=turn).motion
     arrays = [motion.coefficients, motion.axis, motion.point, *vars(problem.limits).values()]
+    to = problem.with_goal(op.State([0.4, 0.2], [0.1, 0.0])).with_vias([0.3, 0.2])
+    arrays += [problem.goal[0].q, to.goal[0].velocity, to.vias[0].at.q]
+    arrays += [*problem.robot.configurations.values(), problem.robot.mounting.gravity, problem.robot.revolute]
     for array in [*arrays, *vars(problem.limits.scaled(velocity=0.5)).values()]:
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0.0
