@@ -64,8 +64,9 @@ def from_samples(
             raise ValueError(f"{key}: found shape {samples.shape}; expected {expected}")
         if not np.isfinite(samples).all():
             raise ValueError(f"{key}: found {samples[~np.isfinite(samples)][0]}; expected finite numbers")
-    if not names or len(set(names)) < len(names):
-        raise ValueError(f"joint_names: found {names!r:.120}; expected one or more different names")
+    if not names or len(set(names)) < len(names) or not "".join(map(str, names)).isprintable():
+        expected = "one or more different names without control characters"
+        raise ValueError(f"joint_names: found {names!r:.120}; expected {expected}")
     try:
         with np.errstate(all="ignore"):
             return _through(names, t - t[0], **given)

@@ -11,6 +11,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
+from optiplan.files import read_bytes
 from optiplan.trajectory.from_samples import from_samples, interpolation
 from optiplan.trajectory.pieces import json_array
 from optiplan.trajectory.trajectory import Trajectory
@@ -65,7 +66,7 @@ def read_samples(path: Path, joint_names: Sequence[str] | None = None) -> Sample
         InputError: naming file, line and field of what cannot be read.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_bytes(path).decode("utf-8-sig")
     except OSError as error:
         found = (error.strerror or str(error)).lower()
         raise InputError([Issue(str(path), None, "file", found, "a file of samples")]) from error
@@ -92,8 +93,21 @@ def samples_from_dict(data: Any, file: str, joint_names: Sequence[str] | None = 
     return _ordered(Samples(tuple(names), **given, file=file), joint_names)
 
 
+def csv_rows(text: str, file: str) -> list[tuple[int, list[str]]]:
+    """Return the rows of a CSV file that are not empty, with their lines.
+
+    Raises:
+        InputError: it is no CSV.
+    """
+    reader = csv.reader(text.splitlines())
+    try:
+        return [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
+    except csv.Error as error:
+        raise InputError([Issue(file, reader.line_num, "row", str(error), "cells between commas")]) from None
+
+
 def _of_csv(text: str, file: str) -> Samples:
-    rows = [(k, row) for k, row in enumerate(csv.reader(text.splitlines()), 1) if any(cell.strip() for cell in row)]
+    rows = csv_rows(text, file)
     header = [cell.strip() for cell in rows[0][1]] if rows else []
     if not header or header[0] not in ("t", "time") or len(header) < 2 or len(set(header)) < len(header):
         raise InputError([Issue(file, 1, "header", ", ".join(header)[:120] or "nothing", _HEADER)])

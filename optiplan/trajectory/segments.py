@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from optiplan.arrays import is_finite
 from optiplan.errors import InputError, Issue
 
 PASSING = "passing"
@@ -75,11 +76,11 @@ def read_segments(data: Mapping[str, Any], file: str) -> tuple[Segment, ...]:
     found = []
     for k, one in enumerate(given):
         try:
-            if any(isinstance(one[key], bool | str) for key in ("step", "begin", "end")):
-                raise TypeError("texts and truth values are no numbers")
-            times = float(one["begin"]), float(one["end"])
+            step, begin, end = one["step"], one["begin"], one["end"]
+            if not all(map(is_finite, (step, begin, end))) or step != int(step):
+                raise TypeError("a step is a whole number, times are finite ones")
             held = str(one.get("object", "")), str(one.get("link", ""))
-            segment = Segment(int(one["step"]), str(one["kind"]), str(one["name"]), *times, *held)
+            segment = Segment(int(step), str(one["kind"]), str(one["name"]), float(begin), float(end), *held)
             if not "".join(
                 (segment.kind, segment.name, *held)
             ).isprintable():  # they stand in programs that are exported

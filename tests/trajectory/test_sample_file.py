@@ -1,6 +1,7 @@
 """Files of samples that hold no motion."""
 
 import json
+import os
 
 import pytest
 
@@ -36,6 +37,24 @@ def test_true_is_no_number(tmp_path, key):
         read_samples(file)
 
 
+def test_what_is_no_csv_and_no_file_is_named(tmp_path):
+    """A device could be read for ever, and a quotation that does not end is more than a cell may hold."""
+    file = tmp_path / "motion.csv"
+    file.write_text('t,"a\n' + "0,1\n" * 60_000)
+    with pytest.raises(InputError, match=r"motion\.csv:\d+: row: field larger than field limit"):
+        read_samples(file)
+    os.mkfifo(tmp_path / "pipe.csv")
+    for name, words in (("pipe.csv", "not a regular file"), ("\0.csv", "embedded null"), ("none.csv", "no such file")):
+        with pytest.raises(InputError, match=words):
+            read_samples(tmp_path / name)
+
+
+def test_a_name_with_a_control_character_is_named():
+    samples = samples_from_dict({"joint_names": ["a\u0007"], "t": [0, 1], "q": [[0], [1]]}, "motion")
+    with pytest.raises(InputError, match=r"motion: joint_names: .* without control characters"):
+        samples.trajectory()
+
+
 def test_a_joint_that_is_stated_twice_is_refused(tmp_path):
     file = tmp_path / "motion.csv"
     file.write_text("t,a,q_a,b\n0,9,0,0\n1,9,1,1\n")
@@ -51,7 +70,7 @@ def test_pieces_and_segments_hold_no_truth_values():
     with pytest.raises(InputError, match=r"pieces\.coefficients"):
         Trajectory.from_dict(data)
     data["pieces"]["coefficients"] = [[[0.5], [1.0]]]
-    for wrong in ({"begin": False}, {"end": "1"}, {"step": True}):
+    for wrong in ({"begin": False}, {"end": "1"}, {"step": True}, {"step": 1.9}, {"begin": float("nan")}):
         segment = {"step": 1, "kind": "move", "name": "move", "begin": 0.0, "end": 1.0} | wrong
         with pytest.raises(InputError, match="segments"):
             Trajectory.from_dict({**data, "segments": [segment]})

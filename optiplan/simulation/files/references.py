@@ -1,8 +1,5 @@
 """The reference that a control file states."""
 
-import csv
-import io
-
 import numpy as np
 import pinocchio as pin
 
@@ -39,6 +36,7 @@ from optiplan.simulation.files.schema import (
 from optiplan.simulation.references.base import Reference
 from optiplan.simulation.references.joints import StepReference, TrajectoryReference
 from optiplan.simulation.references.tool import MovingTarget, PathReference, RecordedPath
+from optiplan.trajectory.sample_file import csv_rows
 
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 """Of a recorded path."""
@@ -167,31 +165,31 @@ def _recorded(control: ControlFile, spec: RecordedSpec) -> RecordedPath:
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not UTF-8 text"
         raise control.issue(place, f"'{spec.file}' ({reason.lower()})", "a CSV file that can be read") from None
-    rows = _numbers(text, str(file))
+    lines, rows = _numbers(text, str(file))
     t, positions, quaternions = rows[:, 0], rows[:, 1:4], rows[:, 4:]
     norms = np.linalg.norm(quaternions, axis=1)
     if (np.abs(norms - 1.0) > 1e-3).any():
         k = int(np.abs(norms - 1.0).argmax())
-        raise InputError([Issue(str(file), k + 2, "qx … qw", f"length {norms[k]:.6g}", "a unit quaternion")])
+        raise InputError([Issue(str(file), lines[k], "qx … qw", f"length {norms[k]:.6g}", "a unit quaternion")])
     if len(t) < 2 or not (np.diff(t) > 0.0).all():
-        k = 0 if len(t) < 2 else int(np.argmin(np.diff(t)))
-        raise InputError([Issue(str(file), k + 3, "t", "times that do not increase", "two increasing times or more")])
+        at = None if len(t) < 2 else lines[int(np.argmin(np.diff(t))) + 1]
+        raise InputError([Issue(str(file), at, "t", "times that do not increase", "two increasing times or more")])
     return RecordedPath(control.frame(spec.frame), t, positions, quaternions / norms[:, None])
 
 
-def _numbers(text: str, file: str) -> Array:
-    """The rows of a CSV file with the columns `COLUMNS`, (K, 8)."""
-    lines = list(csv.reader(io.StringIO(text)))
-    header = tuple(name.strip() for name in lines[0]) if lines else ()
+def _numbers(text: str, file: str) -> tuple[list[int], Array]:
+    """The lines (K,) of a CSV file with the columns `COLUMNS`, and their numbers (K, 8)."""
+    stated = csv_rows(text, file)
+    header = tuple(name.strip() for name in stated[0][1]) if stated else ()
     if header != COLUMNS:
-        raise InputError([Issue(file, 1, "columns", ", ".join(header) or "nothing", ", ".join(COLUMNS))])
+        raise InputError([Issue(file, 1, "columns", ", ".join(header)[:120] or "nothing", ", ".join(COLUMNS))])
     rows = []
-    for k, line_ in enumerate(lines[1:], 2):
+    for at, cells in stated[1:]:
         try:
-            row = [float(value) for value in line_]
+            row = [float(value) for value in cells]
         except ValueError:
             row = []
         if len(row) != len(COLUMNS) or not np.isfinite(row).all():
-            raise InputError([Issue(file, k, "row", f"{','.join(line_)[:80]!r}", f"{len(COLUMNS)} finite numbers")])
+            raise InputError([Issue(file, at, "row", f"{','.join(cells)[:80]!r}", f"{len(COLUMNS)} finite numbers")])
         rows.append(row)
-    return np.array(rows, float).reshape(-1, len(COLUMNS))
+    return [at for at, _ in stated[1:]], np.array(rows, float).reshape(-1, len(COLUMNS))
