@@ -135,8 +135,8 @@ def flag_argument(function: str, argument: str, value: object) -> None:
     Raises:
         InputError: another value.
     """
-    dtype = getattr(value, "dtype", None)
-    if not isinstance(value, bool) and getattr(dtype, "kind", "") != "b":
+    numpys = getattr(getattr(value, "dtype", None), "kind", "") == "b" and getattr(value, "shape", None) == ()
+    if not isinstance(value, bool) and not numpys:
         raise wrong_argument(function, argument, described(value), "True or False")
 
 

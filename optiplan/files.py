@@ -160,8 +160,9 @@ def replacing(path: Path) -> Iterator[Path]:
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     where = Path(os.path.realpath(path))
     stays = path.exists() and not path.is_file()
-    # The name ends as the path does, since that tells some writers the format.
-    name = f".{os.getpid()}-{threading.get_ident()}-{path.name[-200:]}"
+    # The name ends as the path does, since that tells some writers the format; names are limited in bytes.
+    end = os.fsencode(path.name)[-200:].decode(errors="ignore")
+    name = f".{os.getpid()}-{threading.get_ident()}-{end}"
     temporary = Path(tempfile.gettempdir(), name) if stays else where.with_name(name)
     try:
         yield temporary

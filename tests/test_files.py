@@ -162,6 +162,11 @@ def test_a_file_is_replaced_whole_or_not_at_all(tmp_path):
         write_text(tmp_path, "a folder")
 
 
+def test_the_longest_name_is_written(tmp_path):
+    write_text(tmp_path / ("€" * 85), "x")  # 255 bytes
+    assert [path.name for path in tmp_path.iterdir()] == ["€" * 85]
+
+
 def test_what_cannot_be_written_is_named_by_its_own_name():
     with pytest.raises(OSError, match=r"'/proc/file\.txt'"):
         write_text(Path("/proc/file.txt"), "text")

@@ -25,6 +25,7 @@ from optiplan.runs.batches.episode import BAD_INPUT, STATES, EpisodeRequest, dig
 from optiplan.runs.batches.lerobot import write_lerobot
 from optiplan.runs.batches.store import BatchStore
 from optiplan.runs.batches.workers import in_processes, is_dask_client, on_cluster
+from optiplan.runs.run_folder import check_folder
 
 RATE = 50
 """Hz of the samples, when none is given."""
@@ -106,6 +107,7 @@ def plan_batch(  # noqa: PLR0913  # what a caller may say of a batch
     progress_argument("plan_batch", progress)
     options_argument("plan_batch", options)
     target = path_argument("plan_batch", "out", out, "the path of a folder")
+    check_folder(target)
     if planner is not None and not isinstance(planner, str):
         raise wrong_argument("plan_batch", "planner", described(planner), "the name of a planner, or `module:Class`")
     if seeds is not None:

@@ -21,7 +21,7 @@ from optiplan.errors import (
 from optiplan.planners.base import Budget, Progress, silent
 from optiplan.planners.registry import make_planner
 from optiplan.problem.problem import Problem
-from optiplan.runs.batches.workers import end_pool, is_dask_client
+from optiplan.runs.batches.workers import end_pool, is_dask_client, submitted
 from optiplan.runs.pipeline import answer, chosen, plan_and_verify_once
 from optiplan.runs.run import Run
 
@@ -83,7 +83,8 @@ def plan_many(
         whole_argument("plan_many", "workers", workers, 1, "a whole number >= 1, or a Dask client (distributed.Client)")
     count = min(workers or cores(), max(len(requests), 1))
     pool = ProcessPoolExecutor(count, OneThreadContext())
-    return _Runs(_ordered(requests, [pool.submit(_planned, one) for one in requests], progress), lambda: end_pool(pool))
+    futures = [submitted(pool, _planned, one) for one in requests]
+    return _Runs(_ordered(requests, futures, progress), lambda: end_pool(pool))
 
 
 class _Runs(Iterator[Run]):
@@ -104,8 +105,10 @@ class _Runs(Iterator[Run]):
         """End the work, once: its pool or client may be gone by the next time."""
         end, self._end = self._end, None
         if end is not None:
-            self._runs.close()
-            end()
+            try:
+                self._runs.close()
+            finally:  # `close` of the generator fails when `progress` calls it
+                end()
 
     __del__ = close
 

@@ -268,7 +268,7 @@ def _waypoints(problem: Problem, waypoints: Any) -> Array:
     if isinstance(waypoints, Sequence) and any(map(is_by_name, waypoints)):
         named = enumerate(waypoints)
         given = robot.joint_names, robot.configurations
-        return np.array([configuration(*given, q, "retime", f"waypoints[{k}]") for k, q in named])
+        waypoints = [configuration(*given, q, "retime", f"waypoints[{k}]") for k, q in named]
     try:
         points = np.asarray(waypoints, float)
     except (TypeError, ValueError, OverflowError):

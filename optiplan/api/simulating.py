@@ -12,13 +12,10 @@ from optiplan.simulation.execution import execute as follow
 from optiplan.simulation.files.read import find_control
 from optiplan.simulation.log import Log
 from optiplan.simulation.plants.base import Payload
-from optiplan.simulation.plants.imperfections import Imperfections
+from optiplan.simulation.plants.imperfections import MOST_DELAY, Imperfections
 from optiplan.simulation.plants.task_plant import FrictionGrip
 from optiplan.simulation.references.executed import ExecutedReference, Speeds
 from optiplan.simulation.simulation import Simulation, run_control
-
-MOST_DELAY = 10.0
-"""s, from measurement to torque."""
 
 
 def simulate(source: Path | str | Mapping[str, Any], progress: Callable[[float], None] | None = None) -> Simulation:

@@ -1,5 +1,6 @@
 """`Trajectory`: piecewise polynomials in time, the one representation that every planner returns."""
 
+import html
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -111,7 +112,7 @@ class Trajectory(ReadOnlyArrays):
             for j, (name, values) in enumerate(zip(self.joint_names, self(t).T, strict=True)):
                 ax.plot(t, values, label=name, **line_style(j))
             figure.legend(loc="outside right upper")
-            return f"<p>{self!r}</p>{element_of(figure)}"
+            return f"<p>{html.escape(repr(self))}</p>{element_of(figure)}"
 
     @classmethod
     def from_bspline(cls, joint_names: Sequence[str], knots: Array, control_points: Array, degree: int) -> "Trajectory":

@@ -220,3 +220,12 @@ def test_a_name_that_is_not_utf_8_is_named(problems, tmp_path):
 def test_a_folder_with_other_files_is_refused(problems):
     with pytest.raises(op.InputError, match=r"a folder without batch\.json"):
         op.plan_batch(problems, problems)
+
+
+def test_a_place_that_can_be_no_batch_is_refused(problems, tmp_path):
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(op.InputError, match=r"file: out: .* is a file; expected a folder that can be written"):
+        op.plan_batch(problems, tmp_path / "file")
+    (tmp_path / "batch.json").write_text("[]")
+    with pytest.raises(op.InputError, match=r"batch\.json: batch: \[\]; expected"):
+        op.plan_batch(problems, tmp_path)

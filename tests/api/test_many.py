@@ -1,5 +1,7 @@
 """`plan_many`: order, progress, failures that end no other, workers that die, a Dask client."""
 
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import active_children
 
 import pytest
@@ -51,6 +53,24 @@ def test_closed_before_the_first_run_the_work_ends(problems):
     assert set(active_children()) - others
     runs.close()
     wait_until(lambda: not set(active_children()) - others)
+
+
+def test_closed_by_its_progress_the_work_ends(problems):
+    others = set(active_children())
+    runs = op.plan_many(problems, "quintic", workers=1, progress=lambda *_: runs.close())
+    with pytest.raises(ValueError, match="already executing"):
+        list(runs)
+    wait_until(lambda: not set(active_children()) - others)
+
+
+def test_a_worker_that_dies_while_others_are_submitted_ends_it_loudly(problems, monkeypatch):
+    class Broken(ProcessPoolExecutor):
+        def submit(self, *_):
+            raise BrokenProcessPool("it died")
+
+    monkeypatch.setattr("optiplan.api.many.ProcessPoolExecutor", Broken)
+    with pytest.raises(op.OptiPlanError, match=r"^op.plan_many: a worker process died before 'planar' was planned"):
+        list(op.plan_many(problems, "quintic", workers=1))
 
 
 def test_none_are_no_runs():

@@ -66,6 +66,7 @@ BAD = {
         r"loop.yaml:8: controller.computed_torque: .*engine: ideal",
     ),
     "plant's step": ("controller:", "plant: {step: 0.0003}\ncontroller:", r"loop.yaml:6: plant.step: .*whole number"),
+    "long delay": ("controller:", "plant: {delay: 1.0e9}\ncontroller:", r"loop.yaml:6: plant.delay: .*10"),
     "delay": ("controller:", "plant: {delay: 0.00031}\ncontroller:", r"loop.yaml:6: plant.delay: .*0.00025 or 0.0005"),
     "friction": (
         "controller:",
@@ -285,7 +286,9 @@ plant: {engine: ideal}
         ("t,x\n0,1\n", r"path.csv:1: columns"),
         ("t,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,0,0,a,0,0,0,1\n", r"path.csv:3: row"),
         ("t,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,0,0,0,0,0,0,2\n", r"path.csv:3: .*unit quaternion"),
-        ("t,x,y,z,qx,qy,qz,qw\n1,0,0,0,0,0,0,1\n1,0,0,0,0,0,0,1\n", r"path.csv:3: t: .*increase"),
+        ("t,x,y,z,qx,qy,qz,qw\n1,0,0,0,0,0,0,1\n\n1,0,0,0,0,0,0,1\n\n", r"path.csv:4: t: .*increase"),
+        ("t,x,y,z,qx,qy,qz,qw\r0,0,0,0,0,0,0,1\r1,0,0,0,0,0,0,2\r", r"path.csv:3: .*unit quaternion"),
+        ('t,"x\n' + "0,1\n" * 60_000, r"path.csv:\d+: row: field larger than field limit"),
     ):
         path.write_text(content)
         with pytest.raises(InputError, match=message):

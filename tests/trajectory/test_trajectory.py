@@ -299,3 +299,9 @@ def test_extrema_are_the_same_without_the_core(degree, monkeypatch):
         e = plain.extrema_at(order)
         np.testing.assert_allclose([found.low, found.high], [e.low, e.high], rtol=1e-13, atol=1e-13)
         np.testing.assert_allclose([found.t_low, found.t_high], [e.t_low, e.t_high], rtol=0.0, atol=1e-9)
+
+
+def test_names_are_no_markup_in_a_notebook():
+    html = Trajectory(("<b>a</b>",), [0.0, 1.0], [[[0.0], [1.0]]])._repr_html_()
+    assert "1 joints: &lt;b&gt;a&lt;/b&gt;</p>" in html
+    assert "<b>" not in html

@@ -181,6 +181,8 @@ def _check_settings(folder: Path, settings: Mapping[str, Any]) -> None:
         before = json.loads(read_bytes(path))
     except (OSError, ValueError) as error:
         raise InputError([Issue(str(path), None, "batch", str(error), f"the {SETTINGS} of a batch")]) from error
+    if not isinstance(before, dict):
+        raise InputError([Issue(str(path), None, "batch", f"{before!r:.60}", f"the {SETTINGS} of a batch")])
     plain = json.loads(json.dumps(settings))
     different = [key for key in sorted({*plain, *before}) if plain.get(key) != before.get(key)]
     if different:

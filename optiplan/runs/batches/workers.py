@@ -2,16 +2,19 @@
 
 import signal
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from itertools import chain, islice
-from typing import Any
+from typing import Any, TypeVar
 
 from optiplan.cores import WHY_DEAD, OneThreadContext
 from optiplan.errors import OptiPlanError
 from optiplan.runs.batches.episode import CRASHED, Episode, EpisodeRequest, digest_of, planned_episode
+
+Request = TypeVar("Request")
+Result = TypeVar("Result")
 
 AHEAD = 3
 """Episodes in hand for each worker: while the oldest one is waited for, the others have something to do."""
@@ -38,7 +41,7 @@ def _in_one_pool(source: Iterator[EpisodeRequest], count: int) -> Iterator[Episo
     try:
         while True:
             while len(pending) < AHEAD * count and (request := next(source, None)) is not None:
-                pending.append((request, _submitted(pool, request)))
+                pending.append((request, submitted(pool, planned_episode, request)))
             if not pending:
                 return
             request, future = pending[0]
@@ -102,12 +105,12 @@ def _cluster_errors(what: str) -> Iterator[None]:
         raise OptiPlanError(f"op.plan_batch: {why}") from error
 
 
-def _submitted(pool: ProcessPoolExecutor, request: EpisodeRequest) -> "Future[Episode]":
-    """Return the future of an episode, which has failed where a process of the pool died since the last one."""
+def submitted(pool: ProcessPoolExecutor, do: Callable[[Request], Result], request: Request) -> "Future[Result]":
+    """Return the future of a request, which has failed where a process of the pool died since the last one."""
     try:
-        return pool.submit(planned_episode, request)
+        return pool.submit(do, request)
     except BrokenProcessPool as error:
-        failed: Future[Episode] = Future()
+        failed: Future[Result] = Future()
         failed.set_exception(error)
         return failed
 

@@ -11,6 +11,7 @@ from optiplan.config.document import Number, Strict, Whole
 from optiplan.config.messages import choices
 from optiplan.config.values import ExactlyOne, FileName, FileVersion, Name, NotNegative, Vector
 from optiplan.geometry.pose import PoseSpec
+from optiplan.simulation.plants.imperfections import MOST_DELAY
 
 Seconds = Annotated[float, Field(strict=True, gt=0.0, le=86_400.0, allow_inf_nan=False)]
 Hertz = Annotated[float, Field(strict=True, gt=0.0, le=1e5, allow_inf_nan=False)]
@@ -260,7 +261,7 @@ class PlantSpec(Strict):
     friction: FrictionSpec = FrictionSpec.model_construct()
     rotor_inertia: PerJoint = 0.0
     payload: PayloadSpec | None = None
-    delay: NotNegative = 0.0
+    delay: Annotated[NotNegative, Field(le=MOST_DELAY)] = 0.0
     encoder: NotNegative = 0.0
     noise: NoiseSpec = NoiseSpec.model_construct()
     velocity_filter: Hertz = 100.0

@@ -7,6 +7,9 @@ import numpy as np
 
 from optiplan.arrays import Array
 
+MOST_DELAY = 10.0
+"""s, from measurement to torque."""
+
 
 @dataclass(frozen=True)
 class Imperfections:

@@ -66,6 +66,8 @@ CASES = {
     "motion": (lambda p: op.verify(p, 3), "op.verify: motion", "Trajectory"),
     "no file": (lambda p: op.verify(p, "nowhere.json"), "nowhere.json", "a run folder or file"),
     "waypoints": (lambda p: op.retime(p, [[0, 0, 0]]), "op.retime: waypoints", r"\(k, 2\)"),
+    "waypoint by name": (lambda p: op.retime(p, [{j: 0.1 for j in p.robot.joint_names}]), "waypoints", "k >= 2"),
+    "flag": (lambda p: op.ik(p.robot, np.eye(4), all=np.array([True, False])), "op.ik: all", "True or False"),
     "waypoints limits": (lambda p: op.retime(p, [[0, 0], [0, 99]]), r"op.retime: waypoints\[1\]\[1\]", "a value in"),
     "waypoint limits": (lambda p: op.retime(p, [[0, 0], [99, 0], [1, 1]]), r"waypoints\[1\]\[0\]", "a value in"),
     "samples": (lambda p: op.verify(p, op.Samples(None, [0, 1], [[0, 0], [1, 1]])), "joint_names", "names"),
