@@ -15,7 +15,16 @@ from optiplan.bench.execution import machine
 from optiplan.bench.execution.code_version import own_digest, planner_code
 from optiplan.bench.execution.executed import executed, only_wanted
 from optiplan.bench.execution.robot_cache import RobotCache
-from optiplan.bench.results.records import BenchPlanner, BenchProblem, BenchTask, Outcome, Row, empty_row, failure
+from optiplan.bench.results.records import (
+    CHANGED,
+    BenchPlanner,
+    BenchProblem,
+    BenchTask,
+    Outcome,
+    Row,
+    empty_row,
+    failure,
+)
 from optiplan.cache import MostRecent
 from optiplan.errors import OptiPlanError, PlannerAnswerError
 from optiplan.planners.base import Budget
@@ -95,7 +104,9 @@ class TaskExecutor:
 
     def _load(self, problem: BenchProblem, timings: dict[str, Any]) -> Problem:
         began = time.perf_counter()
-        found = self._problems.get(problem.hash, lambda: problem_from_dict(problem.data, "/", self._robots))
+        found = self._problems.get(problem.id, lambda: problem_from_dict(problem.data, "/", self._robots))
+        if problem.hash and problem.hash != found.hash:
+            raise OptiPlanError(CHANGED)
         timings["load"] = time.perf_counter() - began
         return found
 

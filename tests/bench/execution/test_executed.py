@@ -60,3 +60,11 @@ def test_one_that_strays_did_not_do_it(planar, monkeypatch):
     row = outcome(planar)
     assert row.verified
     assert row.executed is False
+
+
+def test_files_that_were_changed_since_the_suite_was_read_are_not_planned_with(robot_of_ours):
+    problem, block = load_problem(robot_of_ours / "p0.yaml"), robot_of_ours / "block.stl"
+    block.write_text(block.read_text().replace(".2", ".3"))
+    row = outcome(problem, "quintic")
+    assert (row.verified, row.failure_kind) == (False, "bad-input")
+    assert "its meshes were changed since the suite was read" in row.failure_detail
