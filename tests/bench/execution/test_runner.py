@@ -14,6 +14,7 @@ import pytest
 from optiplan.bench.execution.machine import descendants, ended
 from optiplan.bench.execution.pool import LocalPool
 from optiplan.bench.execution.runner import open_results, other_versions, run_suite
+from optiplan.bench.execution.slot import WorkerSlot
 from optiplan.bench.results.database import StoreError
 from optiplan.bench.suite.suite import load_suite
 from optiplan.cli.printing.bench_progress import progress
@@ -136,6 +137,18 @@ def test_ctrl_c_ends_cleanly_and_the_same_command_goes_on(write_suite, tmp_path,
     there = stored(folder)
     done, rows = run(path, folder)
     assert (done.found, done.total, len(rows)) == (there, 30, 30)
+
+
+@pytest.mark.timeout(20)
+def test_a_pool_that_is_closed_while_outcomes_wait_to_be_stored_ends(monkeypatch):
+    monkeypatch.setattr(WorkerSlot, "run", lambda slot, task: task)
+    pool = LocalPool(1)
+    outcomes = pool.outcomes(range(1000))
+    first = next(outcomes)
+    wait_until(pool._done.full)
+    pool.close()
+    time.sleep(0.3)  # the slot gives up the outcome that it holds
+    assert [first, *outcomes] == list(range(9))
 
 
 def test_killed_with_a_worker_every_run_is_there_once(write_suite, tmp_path, run):
