@@ -76,7 +76,7 @@ class TaskExecutor:
             cpu = processor_time()
             options, budget = task.planner.options, Budget(task.budget)
             done = run(problem.with_seed(task.seed), task.planner.name, options, budget, lambda stage, part: None)
-            stored, blob = hash_and_pack(done.trajectory)
+            stored, packed = hash_and_pack(done.trajectory)
             columns = result_columns(done, task.metrics) | {"trajectory": stored}
             columns["cut_short"] |= done.trajectory is None and done.timings["plan"] >= task.budget - reserve(
                 task.budget
@@ -88,7 +88,7 @@ class TaskExecutor:
             if columns["executed"] is not None:
                 spent["execute"] = time.perf_counter() - began_execution
             json.dumps([columns, spent], allow_nan=False)  # a planner's info may not be storable
-            row, timings = row | columns, spent
+            row, timings, blob = row | columns, spent, packed
         except PlannerAnswerError as error:
             row |= failure("bug", str(error))
         except OptiPlanError as error:
@@ -96,7 +96,6 @@ class TaskExecutor:
         except MemoryError:
             row |= failure("out-of-memory", "an allocation was refused")
         except BaseException as error:  # SystemExit and KeyboardInterrupt can only come from the planner
-            blob = None
             what = traceback.format_exception_only(error)[-1].strip()
             row |= failure("bug", what, {"traceback": traceback.format_exc(limit=-8)})
         row |= {"cpu_time": processor_time() - cpu, "wall_time": time.perf_counter() - began}

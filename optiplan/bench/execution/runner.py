@@ -144,6 +144,9 @@ def run_suite(suite: Suite, store: Store, workforce: Workforce, label: str, watc
         summary = Summary(suite.size, found, made)
         how = "complete" if summary.complete else "interrupted"
         return summary
+    except KeyboardInterrupt:
+        how = "interrupted"
+        raise
     finally:
         workforce.close()
         if how != "failed":  # where storing failed, storing why would fail, too

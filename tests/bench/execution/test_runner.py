@@ -15,7 +15,7 @@ from optiplan.bench.execution.machine import descendants, ended
 from optiplan.bench.execution.pool import LocalPool
 from optiplan.bench.execution.runner import open_results, other_versions, run_suite
 from optiplan.bench.execution.slot import WorkerSlot
-from optiplan.bench.results.database import StoreError
+from optiplan.bench.results.database import Store, StoreError
 from optiplan.bench.suite.suite import load_suite
 from optiplan.cli.printing.bench_progress import progress
 from optiplan.errors import InputError
@@ -60,24 +60,23 @@ def test_every_run_is_made_once_whatever_the_number_of_workers(write_suite, run,
     assert len({row["trajectory"] for row in rows.values() if row["verified"]}) == 2
 
 
-def test_the_same_again_makes_nothing_twice(write_suite, run):
+def test_the_same_again_makes_nothing_twice(write_suite, run, tmp_path):
     path = write_suite(count=3)
     seen = []
-
-    class Enough(Exception):
-        pass
 
     def give_up(outcome):
         seen.append(outcome.row.key)
         if len(seen) == 2:
-            raise Enough
+            raise KeyboardInterrupt
 
-    with pytest.raises(Enough):
+    with pytest.raises(KeyboardInterrupt):
         run(path, watch=give_up)
     done, rows = run(path, watch=lambda outcome: seen.append(outcome.row.key))
     assert (done.found, done.made, done.complete) == (2, 1, True)
     assert sorted(seen) == sorted(rows)
     assert len({row["session"] for row in rows.values()}) == 2
+    with Store(tmp_path / "out") as store:
+        assert [row["how"] for row in store.query("SELECT how FROM sessions")] == ["interrupted", "complete"]
     assert run(path)[0].made == 0
 
 
