@@ -74,10 +74,10 @@ def test_files_that_were_changed_since_the_suite_was_read_are_not_planned_with(r
     assert "its meshes were changed since the suite was read" in row.failure_detail
 
 
-def test_a_run_whose_simulation_has_no_memory_leaves_no_trajectory(planar, monkeypatch):
+def test_a_run_whose_simulation_has_no_memory_leaves_no_trajectory(robot_of_ours, monkeypatch):
     def refused(done):
         raise MemoryError
 
     monkeypatch.setattr(run_task, "executed", refused)
-    found = outcome(planar, "quintic")
+    found = outcome(load_problem(robot_of_ours / "p0.yaml"), "quintic")
     assert (found.row.failure_kind, found.row.trajectory, found.trajectory) == ("out-of-memory", None, None)
