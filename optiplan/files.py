@@ -81,11 +81,18 @@ def allowed_folders() -> tuple[Path, ...] | None:
 
 def is_file(path: Path) -> bool:
     """Whether `read_bytes` would open it: a regular file in an allowed folder."""
+    return not hindrance(path)
+
+
+def hindrance(path: Path) -> str:
+    """Return why `read_bytes` would not open a file, in words; empty where it would."""
     try:
         _check(path)
-    except OSError:
-        return False
-    return True
+    except FileNotFoundError:
+        return f"there is no file {path}"
+    except OSError as error:
+        return f"{path}: {(error.strerror or str(error)).lower()}"
+    return ""
 
 
 def read_bytes(path: Path, most: int = MOST) -> bytes:
