@@ -439,11 +439,14 @@ class PlaneProof:
         piece: _Indices,
         middle: _Array,
         half: _Array,
-        first_pair: _Indices,
-        pairs: _Indices,
+        common: _Indices,
+        first_more: _Indices,
+        more: _Indices,
     ) -> ProvedMotion: ...
     def scan(self, motion: ProvedMotion, clearance: float) -> _PlaneVerdict: ...
-    def prove(self, motion: ProvedMotion, rules: _Array, measured: _Array, most: int) -> _PlaneVerdict: ...
+    def prove(
+        self, motion: ProvedMotion, rules: _Array, measured: _Array, most_intervals: int, most_queries: int
+    ) -> _PlaneVerdict: ...
 
 class BoxClosing:
     def __init__(
