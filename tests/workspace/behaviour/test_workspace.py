@@ -49,6 +49,8 @@ def test_reach_of_parallel_axes_starts_at_the_first(tmp_path):
     arm = load_robot(str(write_robot(tmp_path, chain(joint("j1", "a", "b", x=0.2), joint("j2", "b", "c")))))
     assert reach(arm).shoulder == pytest.approx([0.2, 0, 0])
     assert reach(arm, "c").largest == pytest.approx(0.5)
+    with pytest.raises(OptiPlanError, match="the frame b at the shoulder"):
+        reach(arm, "b")
 
 
 def test_joints_are_sampled_over_one_turn_at_most():
