@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Self, TypeVar
 
@@ -13,10 +14,10 @@ from pydantic import AfterValidator, BaseModel, model_validator
 from optiplan.arrays import Array
 from optiplan.config.document import Document, Strict, plain, validate
 from optiplan.config.values import Length, Name, Quaternion, Vector
-from optiplan.errors import InputError, described, wrong_argument
+from optiplan.errors import InputError, Issue, described, wrong_argument
 from optiplan.geometry.poses import check_angles, in_radians, pose_from_data, pose_from_matrix, pose_to_data
 
-Angles = Annotated[Vector, AfterValidator(check_angles)]
+Angles = Annotated[Vector, AfterValidator(partial(check_angles, degrees="rpy_deg"))]
 """Roll, pitch and yaw, rad, each within a turn."""
 
 
@@ -187,10 +188,11 @@ def checked(spec: type[Spec], data: Mapping[str, Any], function: str, names: Map
     try:
         return validate(spec, Document(Path(f"op.{function}"), plain(data), {}))
     except InputError as error:
-        raise InputError(replace(issue, field=_argument(issue.field, names)) for issue in error.issues) from None
+        raise InputError(replace(issue, field=_argument(issue, names)) for issue in error.issues) from None
 
 
-def _argument(field: str, names: Mapping[str, str]) -> str:
+def _argument(issue: Issue, names: Mapping[str, str]) -> str:
+    field = issue.field if issue.path else ""  # a call has no file to name where it is about all of its arguments
     for name, argument in names.items():
         if field == name or field.startswith((f"{name}[", f"{name}.")):
             return argument + field.removeprefix(name)

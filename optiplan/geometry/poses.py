@@ -20,15 +20,20 @@ _LARGEST_ANGLE = 2.0 * math.pi + 1e-3
 Angles = TypeVar("Angles", bound=Sequence[float])
 
 
-def check_angles(rpy: Angles) -> Angles:
+def check_angles(rpy: Angles, degrees: str = "") -> Angles:
     """Return angles, none of which is beyond a whole turn.
+
+    Args:
+        rpy: rad.
+        degrees: the key that takes degrees instead, if there is one.
 
     Raises:
         ValueError: there is one, most likely in degrees.
     """
     for angle in rpy:
         if not abs(angle) <= _LARGEST_ANGLE:
-            raise ValueError(f"found {angle:g}; expected angles in rad, within a turn (6.2832); for degrees: rpy_deg")
+            hint = f"; for degrees: {degrees}" if degrees else ""
+            raise ValueError(f"found {angle:g}; expected angles in rad, within a turn (6.2832){hint}")
     return rpy
 
 

@@ -143,7 +143,7 @@ class DhSpec(DhPoseSpec):
                 *(body for link in links for body in link.geometry or ()),
             )
             for one in posed:
-                check_angles(one.rpy)
+                check_angles(one.rpy, "rpy_deg")
         return self
 
     def rotation(self, pose: DhPoseSpec) -> list[float]:
