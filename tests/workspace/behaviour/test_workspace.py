@@ -175,6 +175,29 @@ def test_ctrl_c_is_for_the_parent_of_the_workers():
     assert run_chunks(Interrupted(), 4, 2) == [0, 1, 2, 3]
 
 
+@dataclass(frozen=True)
+class Refusing(ChunkedWork[int]):
+    """Its work raises the reason: where it is read, prepared or done."""
+
+    where: str
+
+    def __reduce__(self):
+        return (_refuse, ()) if self.where == "read" else (Refusing, (self.where,))
+
+    def prepare(self):
+        return _refuse() if self.where == "prepared" else lambda _: _refuse()
+
+
+def _refuse():
+    raise OptiPlanError("the files of the robot have changed")
+
+
+@pytest.mark.parametrize("where", ["read", "prepared", "done"])
+def test_what_the_work_of_a_worker_refuses_is_told(where):
+    with pytest.raises(OptiPlanError, match="the files of the robot"):
+        run_chunks(Refusing(where), 2, 2)
+
+
 class DyingBesideAnother(ChunkedWork[int]):
     def prepare(self):
         return lambda k: time.sleep(120) if k == 0 else os._exit(1)
