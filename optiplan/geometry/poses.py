@@ -41,7 +41,7 @@ def in_radians(data: Any) -> Any:
     """Return a mapping with `rpy`, rad, in place of `rpy_deg`; return other data unchanged.
 
     Raises:
-        ValueError: it has both.
+        ValueError: it has both, or an angle beyond a turn.
     """
     if not isinstance(data, Mapping) or data.get("rpy_deg") is None:
         return data
@@ -49,8 +49,11 @@ def in_radians(data: Any) -> Any:
         raise ValueError("found both rpy and rpy_deg; expected at most one of them")
     try:
         turned = [math.radians(angle) for angle in data["rpy_deg"] if not isinstance(angle, bool)]
-    except TypeError:
+    except (TypeError, OverflowError):
         return data  # the check of the field reports the error
+    for angle in turned:
+        if not abs(angle) <= _LARGEST_ANGLE:
+            raise ValueError(f"found {math.degrees(angle):g} in rpy_deg; expected angles within a turn (360)")
     return {**{key: value for key, value in data.items() if key != "rpy_deg"}, "rpy": turned}
 
 

@@ -342,6 +342,8 @@ class Robot(RobotParts):
         Args:
             only: of these pairs; None: all.
         """
+        if self.bare is not None:
+            return self._dismounted().with_proved_checked(only).mounted(self.mounting)
         kept = [pair for pair, why in self.allowed.items() if why != PROVED or (only is not None and pair not in only)]
         allowed = {pair: self.allowed[pair] for pair in kept}
         geometry = self.geometry.copy()

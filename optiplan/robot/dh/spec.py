@@ -136,6 +136,8 @@ class DhSpec(DhPoseSpec):
     @model_validator(mode="after")
     def _angles_fit(self) -> Self:
         if self.unit == "rad":
+            for row in self.rows:
+                check_angles((row.alpha, row.theta), "unit: deg")
             links = (self.base, *self.rows, *self.links)
             posed: tuple[DhPoseSpec, ...] = (
                 self,

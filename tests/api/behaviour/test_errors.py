@@ -20,6 +20,7 @@ CASES = {
     "position": (lambda p: op.Pose("here"), "op.Pose: position", "list"),
     "position NaN": (lambda p: op.Pose((0, 0, np.nan)), r"op.Pose: position\[2\]", "finite"),
     "matrix": (lambda p: op.Pose.from_matrix(np.ones((4, 4))), "op.Pose.from_matrix: X_WG", "rotation"),
+    "matrix of text": (lambda p: op.Pose.from_matrix([["a"] * 4] * 4), "op.Pose.from_matrix: X_WG", "rotation"),
     "radius": (lambda p: op.Sphere("s", radius="big"), "op.Sphere: radius", "a number"),
     "cylinder": (lambda p: op.Cylinder("c", radius=0, length=1), "op.Cylinder: radius", "> 0"),
     "mesh": (lambda p: op.Mesh("m", "nowhere.stl"), "op.Mesh: file", "a mesh file"),

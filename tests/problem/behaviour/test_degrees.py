@@ -128,6 +128,10 @@ def test_python_takes_degrees():
         op.Box("a", (1, 1, 1), rpy=(180, 0, 0))
     with pytest.raises(op.InputError, match=r"op\.Pose: rpy"):
         op.Pose((0, 0, 1), rpy=(180, 0, 0))
+    with pytest.raises(op.InputError, match=r"op\.Box: rpy: 800 in rpy_deg; expected .* \(360\)"):
+        op.Box("a", (1, 1, 1), rpy_deg=(800, 0, 0))
+    with pytest.raises(op.InputError, match=r"op\.Pose: rpy_deg\[0\]: 1000"):
+        op.Pose((0, 0, 1), rpy_deg=(10**400, 0, 0))
     with pytest.raises(op.InputError, match="both rpy and rpy_deg"):
         op.Pose((0, 0, 1), rpy=(1, 0, 0), rpy_deg=(1, 0, 0))
     problem = op.Problem(
