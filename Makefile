@@ -138,7 +138,7 @@ $(TOOLS): | $(BIN)/python
 	@touch $@
 
 # With a compiler, or with root rights to install one; without, a line says so and planners run in Python.
-$(CORE): $(wildcard optiplan/_core/src/*) CMakeLists.txt | compiler $(TOOLS)
+$(CORE): $(shell find optiplan/_core/src -type f) CMakeLists.txt | compiler $(TOOLS)
 	@if ! command -v $${CXX:-c++} >/dev/null; then \
 	   echo "no C++ compiler: planners run on their reference path in Python, which is slower" >&2; \
 	 else \

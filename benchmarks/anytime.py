@@ -147,13 +147,10 @@ def summarise(rows: list[dict[str, Any]]) -> dict[str, Any]:
     told = {}
     for budget, ratios in excess(rows).items():
         own = [row for row in rows if row["seed"] == 0 and row["budget"] == budget]
-        # Percentiles without interpolation: a ratio may be infinite.
-        ranked = sorted(ratios)
-        at = {p: ranked[min(len(ranked) - 1, math.ceil(p / 100 * len(ranked)) - 1)] for p in (50, 90, 100)}
         told[f"{budget:g}"] = {
             "runs": len(own),
             "verified": sum(row["duration"] is not None for row in own),
-            "over_best": {str(p): round(value, 4) for p, value in at.items()},
+            "over_best": {str(p): round(percentiles(ratios, p)[0], 4) for p in (50, 90, 100)},
             "plan_s": round(percentiles((row["plan_s"] for row in own), 50)[0], 3),
         }
     return told

@@ -41,6 +41,9 @@ for line in sys.stdin:
     print(json.dumps(dict(row=row, core=core is not None)), file=answers, flush=True)
 """
 
+REFUSED = {"duration": None}
+"""Row of a problem that is bad input to one checkout; what both refuse does not count."""
+
 HEADINGS = (
     "set",
     "n",
@@ -64,7 +67,10 @@ class Checkout:
             [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
         self.name = subprocess.run(
-            ["git", "-C", str(folder), "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True
+            ["git", "-C", str(folder), "describe", "--always", "--dirty", "--exclude=*"],
+            capture_output=True,
+            text=True,
+            check=True,
         ).stdout.strip()
         self.core: bool | None = None
 
@@ -104,9 +110,9 @@ def main() -> None:
                 way.plan(files[0])  # pays for imports
             for k, file in enumerate(track(files, "planning", console=Console(stderr=True), transient=True)):
                 order = ways if k % 2 else ways[::-1]
-                found = {way.name: way.plan(file) for way in order}
-                before, after = (found[way.name] for way in ways)
-                if before and after:
+                found = {way: way.plan(file) for way in order}
+                if any(found.values()):
+                    before, after = (found[way] or REFUSED for way in ways)
                     rows.append({"set": file.parent.name, "problem": file.stem, "before": before, "after": after})
     except KeyboardInterrupt:
         pass

@@ -7,7 +7,7 @@ The suite: two numbered examples, the planner `quintic` and one that waits 0.1 s
 Each round starts the same command, waits a random time (every fifth round from the start, else from the first run) and
 sends SIGKILL: in turn to the runner, to one worker and a second later to the runner, to both at once.
 At the end the suite is completed and compared with an undisturbed one: every run once, the same verdicts and motions,
-and a database that SQLite finds whole. The last line printed is one JSON object.
+a database that SQLite finds whole, exit codes 0, and no process left. The last line printed is one JSON object.
 """
 
 import argparse
@@ -55,7 +55,9 @@ def main() -> None:
             "rounds": rounds,
         }
     print(json.dumps(result))
-    sys.exit(0 if result["each_once"] and result["same_as_in_peace"] and result["integrity"] == "ok" else 1)
+    whole = result["each_once"] and result["same_as_in_peace"] and result["integrity"] == "ok"
+    orphans = sum(one["orphans"] for one in rounds)
+    sys.exit(0 if whole and not (code or peace or orphans) else 1)
 
 
 def write_suite(folder: Path, repetitions: int) -> Path:

@@ -3,9 +3,10 @@
     python benchmarks/bench_overhead.py
 
 Four suites of one worker on the numbered examples: real planners, and a planner that only waits (0.05, 0.2 and 1 s).
-*Runs' time* is what the worker spent in planning, verifying and measuring. *Overhead* is the rest of the wall time up
-to the last run, as a share of the runs' time: loading problems, messages, packing trajectories, storing. The start of
-the worker and the warm-up do not count. Run it on a quiet machine. The last line printed is one JSON object.
+*Runs' time* is what the worker spent in planning, verifying, measuring and simulating. *Overhead* is the rest of the
+wall time up to the last run, as a share of the runs' time: loading problems, messages, packing trajectories, storing.
+The start of the worker and the warm-up do not count. Run it on a quiet machine. The last line printed is one JSON
+object.
 """
 
 import json
@@ -28,6 +29,7 @@ from optiplan.problem.problem import JointGoal, Problem
 from optiplan.trajectory.timing.stops import stop_at_corners
 
 ROOT = Path(__file__).parents[1]
+STAGES = ("plan", "verify", "other proofs", "measure", "execute")
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,7 @@ def measure(planners: list[Any], repetitions: int) -> dict[str, float]:
             wall = moments[-1] - began
             rows = [json.loads(row["timings"]) for row in store.query("SELECT timings FROM runs")]
         warm = sum(row.get("warm_up", 0.0) for row in rows)
-        busy = sum(row.get(stage, 0.0) for row in rows for stage in ("plan", "verify", "other proofs", "measure"))
+        busy = sum(row.get(stage, 0.0) for row in rows for stage in STAGES)
         load = sum(row.get("load", 0.0) for row in rows)
         overhead = wall - warm - busy - pool.starting
     shown = {

@@ -58,6 +58,7 @@ def make(folder: Path, count: int) -> None:
     )
     skill, speed = rng.uniform(0.3, 1.3, PLANNERS), rng.lognormal(-1.0, 1.0, PLANNERS)
     parts = {"seeds": list(range(SEEDS)), "repetitions": 1, "budget": 5.0}
+    parts |= {"planners": {one.label: [] for one in planners}, "problems": {one.id: [] for one in problems}}
     meta = {"name": "made-up", "suite": "# drawn at random\n", "suite_hash": "0" * 64, "parts": parts}
     with Store.create(folder, meta) as store:
         store.fill(problems, planners)

@@ -10,7 +10,7 @@ the same seed comes there again. The last line is one JSON object.
 """
 
 import argparse
-import json
+import math
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -67,13 +67,13 @@ class Flaky(QpSolver):
 
 @dataclass
 class Worst:
-    """The largest violations of a run, in the units of the limits, and counts."""
+    """The largest violations of a run, in the units of the limits, negative where room was left, and counts."""
 
-    position: float = 0.0
-    velocity: float = 0.0
-    acceleration: float = 0.0
-    jerk: float = 0.0
-    clearance: float = 0.0
+    position: float = -math.inf
+    velocity: float = -math.inf
+    acceleration: float = -math.inf
+    jerk: float = -math.inf
+    clearance: float = -math.inf
     at: dict[str, str] = field(default_factory=dict)
     steps: int = 0
     braking: int = 0
@@ -200,7 +200,7 @@ def main() -> None:
     parser.add_argument("--markdown", type=Path, help="write the table to this file")
     options = parser.parse_args()
     names = options.robots.split(",")
-    from published import write_markdown  # here, for tests import this file as a module
+    from published import print_json, write_markdown  # here, for tests import this file as a module
 
     result, rows = {}, []
     print(
@@ -224,7 +224,7 @@ def main() -> None:
         write_markdown(options.markdown, HEADINGS, rows)
         result[name] = {key: getattr(worst, key) for key in (*MEASURED, "jerk", "steps", "braking", "at")}
     violated = [name for name, found in result.items() if max(found[key] for key in MEASURED) > TOLERANCE]
-    print(json.dumps({"minutes": options.minutes, "fail": options.fail, "violated": violated, "robots": result}))
+    print_json({"minutes": options.minutes, "fail": options.fail, "violated": violated, "robots": result})
 
 
 if __name__ == "__main__":

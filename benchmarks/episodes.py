@@ -5,7 +5,8 @@
 A thousand problem files are drawn at a time, `--seed` and number give each its own: a table, one to four boxes or posts
 on it, a start and a goal that are free and differ by 1 rad or more in some joint. Draws that the program refuses are
 drawn anew. `op.plan_batch` plans them, with `--planner` and `--budget` a problem; the data set is written in the end.
-The last line printed is one JSON object: episodes a second of processor time of planning, and bytes on disk.
+The last line printed is one JSON object: episodes a second of processor time, of which counting what was there and
+writing the data set take a part, and bytes on disk.
 """
 
 import resource

@@ -42,6 +42,8 @@ def main() -> None:
     options = parser.parse_args()
     planners = [OURS, *(name for name in options.planners if name != OURS)]
     k, n = map(int, options.part.split("/"))
+    if unknown := set(options.problems or ()) - {file.stem for file in (ROOT / "problems").glob("*.yaml")}:
+        parser.error(f"--problems: {', '.join(sorted(unknown))}; expected names of files in problems/")
     files = [f for f in sorted((ROOT / "problems").glob("*.yaml")) if f.stem in (options.problems or (f.stem,))]
     jobs = [(file, planner) for file in files[k - 1 :: n] for planner in planners]
     rows: list[dict[str, Any]] = []

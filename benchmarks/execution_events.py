@@ -341,7 +341,7 @@ def prepared(name: str, budget: float) -> tuple[op.Run, list[tuple[float, op.Run
 
 def main() -> None:
     """Execute, judge, print."""
-    from published import finish, table_parser  # here, for tests import this file
+    from published import finish, percentiles, table_parser  # here, for tests import this file
 
     parser = table_parser(__doc__)
     parser.add_argument("--events", type=int, default=1000, help="on each run")
@@ -353,7 +353,7 @@ def main() -> None:
         began = time.monotonic()
         found = execute(*prepared(name, options.budget), options.events)
         times = (found.answers, found.off_answers, found.tick_times)
-        answer, stop, tick = (np.percentile(one, [50, 99, 99.9]) for one in times)
+        answer, stop, tick = (np.array(percentiles(one, 50, 99, 99.9)) for one in times)
         counts = (found.events, found.splices, found.detours, found.waited, found.ticks)
         rows.append(
             [

@@ -39,11 +39,9 @@ def main() -> None:
     for name in options.runs:
         run = op.plan(op.load_problem(name), budget=5.0)
         found = compared(run, options.stops)
-        ours, best = np.array(found).T
-        shares = percentiles(ours / best, 50, 90, 100)
-        rows.append(
-            [name, f"{len(found)}", f"{np.median(ours):.3f}", f"{np.median(best):.3f}", *(f"{x:.3f}" for x in shares)]
-        )
+        ours, best = np.array(found).reshape(-1, 2).T
+        medians, shares = (percentiles(times, 50)[0] for times in (ours, best)), percentiles(ours / best, 50, 90, 100)
+        rows.append([name, f"{len(found)}", *(f"{x:.3f}" for x in (*medians, *shares))])
         data[name] = {"executor": ours.tolist(), "ipopt": best.tolist()}
         print(f"{name}: {len(found)} stops", flush=True)
     finish(options.markdown, HEADINGS, rows, data)

@@ -4,10 +4,10 @@
 
 Poses are those of random configurations within the limits (2,000 unless given), collisions ignored; solved means 1e-6 m
 and rad within the limits, by the same forward kinematics for all. OptiPlan solves each pose in a call of its own, as
-a pool of configurations gives it starts; `plain` is `solve_ik` from random starts; `batch` is one call for all;
-`prefer` resolves the redundancy as well, on the first of the poses. Where pin-pink and roboticstoolbox (whose solver is
-in C) are installed they solve the same first poses from up to 20 random starts, with the limits on. Ratios are of
-medians over the same poses. The last line printed is one JSON object.
+a pool of configurations gives it starts; `plain` is `solve_ik` from random starts; `prefer` resolves the redundancy
+as well, on the first of the poses. Where pin-pink and roboticstoolbox (whose solver is in C) are installed they solve
+the same first poses from up to 20 random starts, with the limits on. Ratios are of medians over the same poses. The
+last line printed is one JSON object.
 """
 
 import os
@@ -30,14 +30,40 @@ from rich.table import Table
 from optiplan.geometry.poses import pose_error
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
 from optiplan.kinematics.ik.null_space import AIMS, Preference
-from optiplan.kinematics.ik.numeric import IkOptions, SeedPool, random_seeds, solve_ik, solve_ik_batch
+from optiplan.kinematics.ik.numeric import IkOptions, random_seeds, solve_ik
 from optiplan.robot.robot import Robot, load_robot
 
 ROBOTS = ("panda", "baxter_left")
 TOLERANCE = 1e-6
-STARTS, OTHERS_STARTS, FEW_POSES, STEPS = 50, 20, 200, 100
+POOL_SIZE, STARTS, OTHERS_STARTS, FEW_POSES, STEPS = 5000, 50, 20, 200, 100
 OPTIONS = IkOptions(TOLERANCE, TOLERANCE, count=1)
 Solve = Callable[[pin.SE3], np.ndarray]
+
+
+class SeedPool:
+    """Configurations within the limits with the poses that they have, so that a descent can start near its target."""
+
+    def __init__(self, robot: Robot, frame: str, rng: np.random.Generator) -> None:
+        self._Q = np.array(random_seeds(robot, np.zeros(robot.n), rng, POOL_SIZE))
+        self._features = np.empty((POOL_SIZE, 12))
+        descent = Descent(robot, frame)
+        for q, row in zip(self._Q, self._features, strict=True):
+            row[:] = feature(descent.place(q))
+        self._halves = 0.5 * (self._features**2).sum(axis=1)
+
+    def near(self, X_WG: pin.SE3, count: int) -> np.ndarray:
+        """The configurations (count, n) with the poses X nearest to X_WG, by |p - p_G|^2 + (0.35 m |R - R_G|)^2.
+
+        The norm of matrices is that of Frobenius; the nearest comes first.
+        """
+        distances = self._halves - self._features @ feature(X_WG)
+        first = np.argpartition(distances, count - 1)[:count]
+        return np.asarray(self._Q[first[np.argsort(distances[first])]])
+
+
+def feature(X: pin.SE3) -> np.ndarray:
+    """Twelve numbers whose distance is that of poses: p, m, and 0.35 m R."""
+    return np.concatenate([X.translation, 0.35 * X.rotation.ravel()])
 
 
 def ours(robot: Robot, rng: np.random.Generator) -> dict[str, Solve]:
@@ -149,11 +175,6 @@ def compare(robot: Robot, poses: int) -> dict[str, dict[str, float]]:
         ratio = float(np.median(times) / np.median(reference[: len(mine)]))
         median, slow = float(np.median(times)), float(np.percentile(times, 95))
         figures[name] = {"poses": len(mine), "solved": share, "median_ms": median, "p95_ms": slow, "ratio": ratio}
-    pool, matrices = SeedPool(robot, robot.tool_frame, rng), np.array([X.homogeneous for X in targets])
-    began = time.perf_counter()
-    batch = solve_ik_batch(robot, matrices, pool, OPTIONS, STARTS)
-    each = 1e3 * (time.perf_counter() - began) / poses
-    figures["batch"] = {"poses": poses, "solved": float(batch.solved.mean()), "mean_ms": each}
     return figures
 
 
@@ -170,7 +191,6 @@ def main() -> None:
             cells = [f"{row[key]:.2f}" if key in row else "" for key in ("median_ms", "p95_ms", "ratio")]
             table.add_row(solver, str(row["poses"]), f"{100 * row['solved']:.2f} %", *cells)
         Console().print(table)
-        Console().print(f"batch: {result[name]['batch']['mean_ms']:.2f} ms a pose, mean")
     print(json.dumps({"tolerance": TOLERANCE, "robots": result}))
 
 

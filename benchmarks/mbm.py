@@ -146,7 +146,7 @@ def solve(file: Path, arguments: argparse.Namespace, look: "SecondLook", known: 
     confirmed = done.trajectory is not None and look.confirms(problem, done.trajectory)
     row |= {"confirmed": confirmed, "look_s": round(time.perf_counter() - began, 4), **measured(done)}
     if not (confirmed and done.verified):
-        return row
+        return row | {"ratio_within": np.inf, "over_best_within": known.ratio(problem.hash, np.inf)}
     beaten = known.offer(entry(f"{row['set']}/{row['problem']}", done, arguments))
     soon = min((duration for seconds, duration in done.improvements if seconds <= arguments.within), default=np.inf)
     over = {"ratio_within": done.ratio * soon / done.duration, "over_best_within": known.ratio(problem.hash, soon)}
@@ -251,7 +251,7 @@ def in_words(row: dict[str, Any]) -> str | None:
 
 
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Shares and times of all problems that are no bad input; ratios and durations of the verified ones."""
+    """Shares, times and what there was within a time of all problems but bad input; the rest of the verified ones."""
     good = [row for row in rows if row["bad_input"] is None]
     verified = [row for row in good if row["verified"]]
 
@@ -267,7 +267,7 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
         **{f"{key}_s": figures(f"{key}_s", good, 50, 90, 95, 100) for key in ("plan", "cpu", "verify", "load", "look")},
         "first_s": figures("first_s", verified, 50, 95, 100),
         "ratio": figures("ratio", verified, 50, 90, 95, 100, digits=4),
-        **{key: figures(key, [row for row in verified if key in row], 50, 90, 100, digits=4) for key in AGAINST},
+        **{key: figures(key, [row for row in good if key in row], 50, 90, 100, digits=4) for key in AGAINST},
         "beaten": sum(row.get("beaten", False) for row in good),
         "duration_sum": round(sum(row["duration"] for row in verified), 4),
     }
@@ -288,7 +288,7 @@ def lines(rows: list[dict[str, Any]]) -> Any:
 def joined(figures: dict[str, float], digits: int, *which: str) -> str:
     """Some percentiles of a figure, – where there is none."""
     known = (figures[p] for p in which)
-    return " / ".join(f"{value:.{digits}f}" if np.isfinite(value) else "–" for value in known)
+    return " / ".join("–" if np.isnan(value) else f"{value:.{digits}f}" for value in known)
 
 
 if __name__ == "__main__":

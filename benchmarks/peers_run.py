@@ -10,8 +10,9 @@ acceleration limits are kept; *within all*: those of jerk and torque too, which 
 that, proved. *Time* is the planner's own. Ours has three lines, the first verified answer, that after 1 s and the last,
 each with the time and the duration of that answer, proofs included; of peers it is what their adapter counts of search,
 simplifying and their own timing, start of Python and loading left out. *Duration* is of the timed motion; over the best
-known of the problem where there is one, of those that are free. Jerk limits are lifted for all with `--no-jerk`. The
-last line printed is one JSON object.
+known of the problem where there is one, of those that are free. Jerk limits are lifted for all with `--no-jerk`; best
+known ones keep them, so ratios may be below 1 then. Peers that take a limit of time get 0.8 of `--budget` for their
+search. The last line printed is one JSON object.
 """
 
 import os

@@ -7,11 +7,12 @@
 Problems: the index 0, k, 2 k, … (`--every`) of each set of MotionBenchMaker for Panda (seven joints), UR5 (six) and
 Fetch (eight), in turn of robots and sets, until there are `--count`. The goal is the pose that the tool has at the
 problem's goal configuration, with the tolerances of every pose (0.1 mm, 1 mrad): the planner chooses the configuration.
-Each problem is planned with every seed within the program's budget. Listed of each: the shortest verified motion of all
-seeds, and what each seed takes over it; – where a seed has no verified motion. *Within 2 %* is the share of problems in
-which all seeds are, and *runs* that of all runs. Figures are of motions, so that a busy machine changes them little;
-*cpu* is processor time of planning. Every run is written to `--results` as soon as it is made, a line of JSON each;
-Ctrl-C ends early and prints what was done. The last line printed is one JSON object; exit code 1 below `--share`.
+Each problem is planned with every seed within the program's budget. Listed of each, once it
+is planned with all of them: the shortest verified motion of all seeds, and what each seed takes over it; – where a seed
+has no verified motion. *Within 2 %* is the share of problems in which all seeds are, and *runs* that of all runs.
+Figures are of motions, so that a busy machine changes them little; *cpu* is processor time of planning. Every run is
+written to `--results` as soon as it is made, a line of JSON each; Ctrl-C ends early and prints what was done. The last
+line printed is one JSON object; exit code 1 below `--share`.
 """
 
 import os
@@ -73,9 +74,10 @@ def main() -> int:
                     append(arguments.results, row)
         except KeyboardInterrupt:
             pass
-    table = list(lines(rows, arguments.seeds))
+    whole = complete(rows, arguments.seeds)
+    table = list(lines(whole, arguments.seeds))
     headings = ("problem", "best s", *(f"seed {seed}" for seed in range(arguments.seeds)), "cpu s 50", "within 2 %")
-    figures = summary(rows)
+    figures = summary(whole)
     print_table(headings, table)
     form = "{within} of {problems} goals have every seed within 2 % of the best ({share:.1%}); of all runs {runs:.1%}."
     remark = form.format(**figures)
@@ -89,7 +91,14 @@ def recorded(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """Return the runs that the results file has, with `--resume`; empty the file without it."""
     file: Path | None = arguments.results
     if arguments.resume and file is not None and file.exists():
-        return [json.loads(line) for line in file.read_text().splitlines()]
+        text = file.read_text()
+        whole = text[: text.rfind("\n") + 1]  # a kill may have cut the last line
+        file.write_text(whole)
+        rows: list[dict[str, Any]] = [json.loads(line) for line in whole.splitlines()]
+        budgets = {row.get("budget") for row in rows} - {arguments.budget}
+        if budgets:
+            sys.exit(f"{file}: runs with --budget {budgets.pop()}; expected {arguments.budget:g}, or another file")
+        return rows
     if file is not None:
         file.write_text("")
     return []
@@ -127,6 +136,7 @@ def solved(file: Path, arguments: argparse.Namespace, known: set[tuple[str, int]
         yield {
             "problem": name_of(file),
             "seed": seed,
+            "budget": arguments.budget,
             "duration": done.duration if done.verified else None,
             "lower_bound": done.lower_bound,
             "cpu": done.plan_cpu,
@@ -149,6 +159,13 @@ def grouped(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
     names = dict.fromkeys(row["problem"] for row in rows)
     groups = {name: [row for row in rows if row["problem"] == name] for name in names}
     return {name: sorted(group, key=lambda row: int(row["seed"])) for name, group in groups.items()}
+
+
+def complete(rows: list[dict[str, Any]], seeds: int) -> list[dict[str, Any]]:
+    """Return the runs of the problems of which every seed is there; the best of some is not the best of all."""
+    wanted = set(range(seeds))
+    whole = {name for name, group in grouped(rows).items() if wanted <= {row["seed"] for row in group}}
+    return [row for row in rows if row["problem"] in whole and row["seed"] in wanted]
 
 
 def ratios(group: list[dict[str, Any]]) -> list[float]:

@@ -136,9 +136,10 @@ def import_sets(robot: str, folder: Path, every: int = 1, offset: int = 0) -> di
 
 
 def percentiles(values: Iterable[float | None], *which: float) -> list[float]:
-    """Percentiles of the values that are known; nan without any."""
+    """Percentiles of the values that are known, of which some may be infinite; nan without any."""
     known = [value for value in values if value is not None]
-    return [float(np.percentile(known, p)) if known else float("nan") for p in which]
+    method = "linear" if np.isfinite(known).all() else "inverted_cdf"  # no value lies between a number and infinity
+    return [float(np.percentile(known, p, method=method)) if known else float("nan") for p in which]
 
 
 def _without_markdown(arguments: list[str]) -> list[str]:

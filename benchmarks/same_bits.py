@@ -9,7 +9,7 @@ A hash is the first 16 digits of the SHA-256 of breakpoints and coefficients; a 
 end later; such hashes are compared among themselves, by `--write` and `--against`. Hashes are those of one machine:
 another processor rounds otherwise in BLAS.
 `--also` adds problem files of any kind (tasks, motion at the ends, obstacles that move).
-Exit code 1 where a hash differs from the last column of the table.
+Exit code 1 where a hash differs from the last column of the table, and where nothing was planned.
 """
 
 import csv
@@ -66,7 +66,7 @@ def main() -> None:
         with options.write.open("w", newline="") as file:
             csv.writer(file).writerows([["problem", "planner", "now", "process_s"], *rows])
     print(f"{len(rows)} planned, {differing} differ")
-    sys.exit(int(differing > 0))
+    sys.exit(int(differing > 0 or not rows))
 
 
 def recorded(path: Path) -> dict[tuple[str, str], str]:

@@ -27,7 +27,7 @@ from optiplan.planners.base import Budget
 from optiplan.problem.load import load_problem
 from optiplan.robot.robot import Limits, Robot
 from optiplan.runs.pipeline import run
-from optiplan.trajectory.paths.corner_blends import blend_path
+from optiplan.trajectory.paths.corners import blend_path
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
 from optiplan.trajectory.trajectory import Trajectory

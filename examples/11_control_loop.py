@@ -1,7 +1,7 @@
 """A loop of your own at 500 Hz: read the state, step the controller, send the command; what to do when it is late.
 
-Put your robot's driver in the place of `Driver`. Nothing here waits for the controller longer than one period: a step
-that is late is answered by the command before, once or twice, and then by braking.
+Put your robot's driver in the place of `Driver`. A step that comes late is sent late: until then the robot follows the
+command before. In place of the third late step in a row it gets the command to brake.
 
 Run it: python examples/11_control_loop.py
 """

@@ -12,7 +12,10 @@ problem = op.load_problem("02_shelf")
 
 
 class Listener:
-    """Receive every better proved motion; end the planning after a given number."""
+    """Receive every better proved motion; end the planning after a given number.
+
+    The last one may be up to 2 % longer than the one before, where it keeps the clearance that is wished for.
+    """
 
     def __init__(self, motions):
         self.motions, self.enough = motions, threading.Event()

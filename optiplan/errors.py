@@ -55,7 +55,7 @@ class Issue:
     Attributes:
         file: the file, or the planner or function that the option or argument belongs to.
         line: of the file, from 1; None where there is none.
-        field: the field in words, such as `goal.pose.position[2]`.
+        field: the field in words, such as `goal.pose.position[2]`; empty where several arguments do not fit each other.
         found: the value found.
         expected: the values allowed.
         path: the field as data: keys and indices from the root of the file; empty outside files.
@@ -85,7 +85,7 @@ class Issue:
     def __str__(self) -> str:
         """Return `file:line: field: found …; expected …`, a form that editors turn into a link."""
         place = self.file if self.line is None else f"{self.file}:{self.line}"
-        return f"{place}: {self.field}: {self.found}; expected {self.expected}"
+        return ": ".join(filter(None, (place, self.field, f"{self.found}; expected {self.expected}")))
 
 
 def described(value: object) -> str:

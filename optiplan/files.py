@@ -13,7 +13,7 @@ import stat
 import tempfile
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import cache
@@ -81,11 +81,18 @@ def allowed_folders() -> tuple[Path, ...] | None:
 
 def is_file(path: Path) -> bool:
     """Whether `read_bytes` would open it: a regular file in an allowed folder."""
+    return not hindrance(path)
+
+
+def hindrance(path: Path) -> str:
+    """Return why `read_bytes` would not open a file, in words; empty where it would."""
     try:
         _check(path)
-    except OSError:
-        return False
-    return True
+    except FileNotFoundError:
+        return f"there is no file {path}"
+    except OSError as error:
+        return f"{path}: {(error.strerror or str(error)).lower()}"
+    return ""
 
 
 def read_bytes(path: Path, most: int = MOST) -> bytes:
@@ -177,7 +184,8 @@ def replacing(path: Path) -> Iterator[Path]:
             error.filename = str(path)
         raise
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # in a file system that is read-only; the error above names `path`
+            temporary.unlink(missing_ok=True)
 
 
 def flush(path: Path) -> None:

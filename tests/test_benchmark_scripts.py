@@ -1,6 +1,7 @@
 """Every script of `benchmarks/` starts: it finds what it imports, and `--help` says what it is for."""
 
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -49,3 +50,11 @@ def test_help_says_what_it_is_for(answers, script):
     assert code == 0, code
     first_line = (ROOT / "benchmarks" / script).read_text().split('"""')[1].splitlines()[0]
     assert first_line[:40] in " ".join(printed.split())
+
+
+def test_percentiles_take_problems_that_count_as_infinitely_long(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    from published import percentiles
+
+    assert percentiles([1.0, None, 2.0, math.inf, math.inf], 25, 50, 95) == [1.0, 2.0, math.inf]
+    assert percentiles([1.0, 2.0], 50) == [1.5]

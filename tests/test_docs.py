@@ -92,9 +92,12 @@ def test_tutorial_says_what_it_does_not_run():
 
 @pytest.mark.parametrize("page", sorted((DOCS / "how-to").glob("*.md")), ids=lambda page: page.stem)
 def test_blocks_of_the_how_tos_can_be_read(page):
+    imported = set()
     for block in blocks(page):
         if block.language == "python":
             compile(block.text, page.name, "exec")
+            imported |= set(re.findall(r"import .*\b(op|np)$", block.text, re.MULTILINE))
+            assert set(re.findall(r"\b(op|np)\.", block.text)) <= imported, block.text
         elif block.language == "yaml":
             list(YAML(typ="safe").load_all(block.text))
 

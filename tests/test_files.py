@@ -1,5 +1,6 @@
 """Only regular files of bounded size are opened, and only in the folders that are allowed."""
 
+import errno
 import os
 import shutil
 import socket
@@ -170,6 +171,19 @@ def test_the_longest_name_is_written(tmp_path):
 def test_what_cannot_be_written_is_named_by_its_own_name():
     with pytest.raises(OSError, match=r"'/proc/file\.txt'"):
         write_text(Path("/proc/file.txt"), "text")
+
+
+def test_what_cannot_be_written_is_named_where_nothing_can_be_removed_either(tmp_path, monkeypatch):
+    """A file system that is read-only refuses both."""
+
+    def refused(path, *_, **__):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(path))
+
+    monkeypatch.setattr(Path, "write_bytes", refused)
+    monkeypatch.setattr(Path, "unlink", refused)
+    with pytest.raises(OSError, match=r"/file\.txt'") as caught:
+        write_text(tmp_path / "file.txt", "text")
+    assert caught.value.filename == str(tmp_path / "file.txt")
 
 
 def test_what_is_no_file_is_written_to_and_not_replaced(tmp_path):

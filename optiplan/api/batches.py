@@ -21,7 +21,7 @@ from optiplan.errors import (
 )
 from optiplan.planners.base import Progress
 from optiplan.planners.registry import make_planner
-from optiplan.runs.batches.episode import BAD_INPUT, STATES, EpisodeRequest, digest_of
+from optiplan.runs.batches.episode import BAD_INPUT, STATES, VERIFIED, EpisodeRequest, digest_of
 from optiplan.runs.batches.lerobot import write_lerobot
 from optiplan.runs.batches.store import BatchStore
 from optiplan.runs.batches.workers import in_processes, is_dask_client, on_cluster
@@ -43,9 +43,10 @@ class Batch:
     Attributes:
         out: its folder.
         counts: episodes of each state: verified, unverified, no-plan, bad-input, crashed.
-        made: episodes that this call planned.
+        made: episodes that this call added, bad files included.
         kept: episodes that were there already.
         bad: files that cannot be used and why, with file, line and field.
+        failed: other episodes without a verified motion, as `FILE` or `FILE, seed N`, and why: state and detail.
         data_sets: folders of LeRobot data sets.
     """
 
@@ -54,6 +55,7 @@ class Batch:
     made: int
     kept: int
     bad: tuple[tuple[str, str], ...]
+    failed: tuple[tuple[str, str], ...]
     data_sets: tuple[Path, ...]
 
 
@@ -136,10 +138,17 @@ def plan_batch(  # noqa: PLR0913  # what a caller may say of a batch
                 progress(episode.file, k / len(left))
         store.flush()
         counts = store.states()
-        bad = {row["file"]: row["detail"] for row in store.rows(["state", "detail"]) if row["state"] == BAD_INPUT}
+        wrong = [row for row in store.rows(["state", "detail"]) if row["state"] != VERIFIED]
         data_sets = write_lerobot(store, target / LEROBOT) if lerobot else []
     ordered = {state: counts[state] for state in STATES if counts[state]}
-    return Batch(target, ordered, len(left), len(wanted) - len(left), tuple(bad.items()), tuple(data_sets))
+    bad = {row["file"]: row["detail"] for row in wrong if row["state"] == BAD_INPUT}
+    failed = [(_named(row), f"{row['state']}: {row['detail']}") for row in wrong if row["state"] != BAD_INPUT]
+    kept = len(wanted) - len(left)
+    return Batch(target, ordered, len(left), kept, tuple(bad.items()), tuple(failed), tuple(data_sets))
+
+
+def _named(row: Mapping[str, Any]) -> str:
+    return row["file"] if row["wanted_seed"] < 0 else f"{row['file']}, seed {row['wanted_seed']}"
 
 
 def _shown(seed: int | None) -> int:

@@ -100,4 +100,4 @@ def load_run(folder: Path | str) -> Run:
     if "problem" not in stored.record:
         found = f"{str(folder)!r}, a trajectory without its problem"
         raise wrong_argument("load_run", "folder", found, "the folder of a run (or op.verify(problem, path))")
-    return run_of_record(stored.record, stored.trajectory, given=stored.given)
+    return run_of_record(stored.record, stored.trajectory, given=stored.given, file=stored.record_file)

@@ -295,7 +295,8 @@ def _of_waypoint(issue: Issue, count: int) -> Issue:
         case _:
             return issue
     joint = "".join(f"[{key}]" for key in rest if isinstance(key, int))
-    return replace(issue, file="op.retime", field=f"waypoints[{at}]{joint}")
+    expected = issue.expected.partition("; for degrees")[0]  # of a file
+    return replace(issue, file="op.retime", field=f"waypoints[{at}]{joint}", expected=expected)
 
 
 def _corners(points: Array) -> Array:

@@ -1,12 +1,14 @@
 """A first problem of a robot: a start, a goal that it reaches, and the text of the file."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import collision_model
 from optiplan.geometry.scene import Scene
-from optiplan.kinematics.ik.solve import answer
+from optiplan.kinematics.ik.solve import Answer, answer
 from optiplan.problem.write import flow
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
@@ -29,17 +31,23 @@ def _q(robot: Robot, start: str | None) -> Array:
     return np.clip(np.zeros(robot.n), lower, np.maximum(lower, upper))
 
 
+def reached(robot: Robot, start: str | None, point: Sequence[float] | Array) -> Answer:
+    """Return the configurations that put the tool at a point (3,), m, turned as it is at the start."""
+    q = _q(robot, start)
+    rotation = frame_pose(robot, q, robot.tool_frame).rotation
+    return answer(robot, robot.tool_frame, pin.SE3(rotation, np.asarray(point, float)), q)
+
+
 def proposed_goal(robot: Robot, start: str | None) -> list[float]:
     """Return a point [x, y, z], m, that the tool reaches as it is turned at the start, and touches nothing itself."""
-    q = _q(robot, start)
-    X_WT = frame_pose(robot, q, robot.tool_frame)
+    tool = frame_pose(robot, _q(robot, start), robot.tool_frame).translation
     model = collision_model(robot, Scene())
     for shift in SHIFTS:
-        point = np.round(X_WT.translation + shift, 3)
-        found = answer(robot, robot.tool_frame, pin.SE3(X_WT.rotation, point), q).solutions
+        point = np.round(tool + shift, 3)
+        found = reached(robot, start, point).solutions
         if any(one.within_limits and not model.collides(one.q) for one in found):
             return [float(x) for x in point]
-    return [round(float(x), 3) for x in X_WT.translation]
+    return [round(float(x), 3) for x in tool]
 
 
 def first_problem(robot: Robot, name: str, start: str | None, goal: list[float], title: str, schema: str) -> str:

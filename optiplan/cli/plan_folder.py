@@ -20,7 +20,7 @@ from optiplan.cli.output import (
 from optiplan.cli.progress import ProgressLine
 
 NAMED = 20
-"""Bad files that are named on the terminal; --json names all."""
+"""Bad files and failed episodes that are named on the terminal; --json names all."""
 
 
 def is_folder_of_problems(file: str) -> bool:
@@ -50,16 +50,18 @@ def plan_folder(
     code = next((code for state, code in _CODES if counts.get(state)), Exit.VERIFIED)
     if as_json:
         bad = [{"file": file, "reason": reason} for file, reason in batch.bad]
+        failed = [{"episode": episode, "reason": reason} for episode, reason in batch.failed]
         sets = [str(path) for path in batch.data_sets]
         told = {"out": str(batch.out), "counts": counts, "planned": batch.made, "kept": batch.kept}
-        print_json({**told, "bad": bad, "data_sets": sets, "exit_code": int(code)})
+        print_json({**told, "bad": bad, "failed": failed, "data_sets": sets, "exit_code": int(code)})
         return code
-    for _, reason in batch.bad[:NAMED]:
-        messages().print(reason, style="yellow", markup=False, soft_wrap=True)
-    if len(batch.bad) > NAMED:
-        messages().print(f"… and {len(batch.bad) - NAMED} more bad files (--json names all)", style="yellow")
+    wrong = [*(reason for _, reason in batch.bad), *(f"{episode}: {reason}" for episode, reason in batch.failed)]
+    for words in wrong[:NAMED]:
+        messages().print(words, style="yellow", markup=False, soft_wrap=True)
+    if len(wrong) > NAMED:
+        messages().print(f"… and {len(wrong) - NAMED} more (--json names all)", style="yellow")
     listed = ", ".join(f"{count} {state}" for state, count in counts.items())
-    results().print(f"{listed}; {batch.made} planned now, {batch.kept} kept", highlight=False)
+    results().print(f"{listed}; {batch.made} new, {batch.kept} kept", highlight=False)
     for path in (batch.out / "episodes", *batch.data_sets):
         say(f"written: {path}")
     return code

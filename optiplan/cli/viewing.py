@@ -9,10 +9,9 @@ from rich.console import Console
 
 from optiplan.cli.output import print_error, results
 from optiplan.errors import InputError, Issue
-from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
 from optiplan.runs.run_folder import StoredRun, load_run
-from optiplan.runs.stored_runs import judged
+from optiplan.runs.stored_runs import judged, recorded_problem
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.plots.runs import PlottedRun
 from optiplan.viewer.run_data.closed_loop import read_log
@@ -46,7 +45,7 @@ def open_runs(places: Sequence[Path]) -> tuple[Problem, list[ViewedRun]]:
     for run in stored:
         key = str(run.record.get("hash"))
         if key not in problems:
-            problems[key] = problem_from_dict(run.record["problem"])
+            problems[key] = recorded_problem(run.record, run.record_file)
     own = [problems[str(run.record.get("hash"))] for run in stored]
     first = own[0].robot
     for run, problem in zip(stored, own, strict=True):
@@ -85,7 +84,7 @@ def plotted_runs(places: Sequence[Path]) -> tuple[list[PlottedRun], list[str]]:
                 f"{run.place} has no trajectory: {(run.record.get('failure') or {}).get('detail', 'no plan')}"
             )
             continue
-        problem = problem_from_dict(run.record["problem"])
+        problem = recorded_problem(run.record, run.record_file)
         report = judged(problem, run)
         found.append(PlottedRun(label, problem, run.trajectory, report.verified))
     return found, left_out

@@ -6,6 +6,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.coal_queries import make_exact
+from optiplan.geometry.convex import is_flat
 
 _LARGEST_MESH_MARGIN = 0.03
 """m; querying meshes with a larger margin costs more than halving the motion once more."""
@@ -50,8 +51,10 @@ class _Margins:
         make_exact(self._queries)
         self._requests = list(self._queries.collisionRequests)
         self._broad_phase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(model.model, geometry, self._queries)
-        # The box of a half-space is not grown by the margins, so its pairs are queried one by one.
-        self._planes = model.bounds.plane_pairs.tolist()
+        # The broad phase misses plane meshes, and does not grow half-spaces by the margins.
+        flat = {k for k, body in enumerate(geometry.geometryObjects) if is_flat(body.geometry)}
+        sheets = [k for k, pair in enumerate(model.pairs) if flat & {pair.a, pair.b}]
+        self._alone = [*model.bounds.plane_pairs.tolist(), *sheets]
 
     def set(self, margins: Array) -> None:
         """Set the margins (P,) >= 0."""
@@ -62,4 +65,4 @@ class _Margins:
         """Return whether any pair is nearer than its margin at q (n,), ± 1e-6 m."""
         if pin.computeCollisions(self._model, self._data, self._broad_phase, q, True):
             return True
-        return any(pin.computeCollision(self._geometry, self._queries, pair) for pair in self._planes)
+        return any(pin.computeCollision(self._geometry, self._queries, pair) for pair in self._alone)

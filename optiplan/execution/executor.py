@@ -10,10 +10,10 @@ from optiplan.arrays import number_argument
 from optiplan.errors import described, wrong_argument
 from optiplan.execution import arguments
 from optiplan.execution.due_events import DueEvents
-from optiplan.execution.law_follower import LawFollower
+from optiplan.execution.law_follower import DROPPED, LawFollower
 from optiplan.execution.paths.joint_stop import Detour, JointStops
 from optiplan.execution.paths.next_path import NextPath, spliced_path
-from optiplan.execution.paths.path_laws import PathPlace, SetPoint
+from optiplan.execution.paths.path_laws import SetPoint
 from optiplan.execution.paths.proved_path import PathStretch, ProvedPath, Turned
 from optiplan.execution.paths.stop_ahead import way_ahead
 from optiplan.execution.scene.planning_process import PlanningProcess
@@ -136,8 +136,9 @@ class Executor(LawFollower):
         if not arguments.is_share(speed):
             self.stop(f"override: found {described(speed)}; expected a speed from 0 to 1")
             return
-        self._override = float(speed)
-        self._aim()
+        if speed != self._override:  # said again, it changes nothing
+            self._override = float(speed)
+            self._aim()
 
     def pause(self) -> None:
         """Stop along the path; `resume` goes on."""
@@ -196,7 +197,7 @@ class Executor(LawFollower):
         if self._held == "waiting" and self._next is None:
             ahead: TimeLaw | None = self._law
             if self._detour is None:
-                ahead = self._stretch.laws.change(PathPlace(*self._law.at(self.time)), self.time, self._override)
+                ahead = self._stretch.laws.change_along(self._law, self.time, self._override)
             if ahead is not None and self._blocked(ahead, 0.0 if self._rests else self._policy.spare) is None:
                 self._held, self._reason = "", ""
                 self._aim()
@@ -208,17 +209,21 @@ class Executor(LawFollower):
 
     def _yield(self) -> None:
         """Do as the policy says, where obstacles that were seen block the way of the law."""
-        found = self._blocked(self._way)
+        found, coming = self._blocked(self._way), self._next
+        if coming is not None and (found is None or self._leaves_first(coming, found)):
+            return
         begins = found is not None and not self._held
         if found is not None and begins:
-            self._held, self._next = "stopped" if self._policy.reaction == "stop" else "waiting", None
+            self._held = "stopped" if self._policy.reaction == "stop" else "waiting"
             self._reason, self._blocking = str(found), found.pair
-        again = self._held == "waiting" and self._next is None and (found or self._policy.reaction == "slow")
-        if begins or again:
+        if begins or (self._held == "waiting" and (found or self._policy.reaction == "slow")):
+            self._next = None
+            if coming is not None and not coming.number:
+                self._reason += f"; {DROPPED}"
             self._avoid()
             found = self._blocked(self._way)
-        if found is not None and TOO_LATE not in self._reason:
-            self._reason += f"; {TOO_LATE}" if self._reason else TOO_LATE
+        if found is not None and not self._rests and TOO_LATE not in self._reason:
+            self._reason = f"{self._reason or found}; {TOO_LATE}"
 
     def _avoid(self) -> None:
         """Follow a law that is clear until the robot stands still, or stop now."""
@@ -332,10 +337,10 @@ class Executor(LawFollower):
             self.stop(reason)
         if self._planning is not None:
             self._accept(self._planning)
-        if self._next is not None and self.time + step >= self._next.then:
+        now, end = self.time, self.time + step
+        if self._next is not None and end >= self._next.then:
             self._take_over(self._next)
-        now = self.time
-        self.time += step
+        self.time = end
         self._note_way(self.time)
         if self._pending and self._replace_law():
             self._yield()

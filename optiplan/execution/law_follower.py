@@ -9,6 +9,7 @@ from optiplan.execution.paths.next_path import NextPath
 from optiplan.execution.paths.path_laws import SetPoint
 from optiplan.execution.paths.proved_path import PathStretch, ProvedPath, Turned, held_in
 from optiplan.execution.scene.planning_process import PlanningProcess
+from optiplan.execution.scene.scene_watch import BlockedPlace
 from optiplan.execution.scene.seen_scene import SeenScene
 from optiplan.execution.scene.separation import SeparationMonitor
 from optiplan.execution.status import Held
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
 
 BLOCKED = "obstacles block the motion that was to take over"
 """What a reason says where not even a stop is clear that begins with it."""
+
+DROPPED = "the motion that was to take over is dropped"
+"""What a reason says where obstacles block the way to that motion, or the last stop before it."""
 
 ELSEWHERE = "the speed was changed before another motion could take over"
 """What a reason says where another motion begins in a state that the robot does not come to."""
@@ -93,6 +97,26 @@ class LawFollower:
         elif not self._next.number and not self._enters(self._next):
             self.stop(BLOCKED)
 
+    def _leaves_first(self, coming: NextPath, found: BlockedPlace) -> bool:
+        """Whether the robot is to go on to the path that takes over, which is clear, though its law is blocked.
+
+        The law is replaced by one that is the same until then, and ends in a stop, if that is clear. If it is not, nor
+        a stop at once, the path that takes over is the only way that is clear.
+        """
+        if self._rests:
+            return True
+        laws, then = self._stretch.laws, coming.then
+        later = laws.then_stop(self._law, then)
+        if self._detour is None and self._scene.blocked(self._stretch, later, self.time) is None:
+            self._law = self._chosen = later
+            self._pending = False
+            return True
+        until = self._stretch.place(self._law.at(then)[0])
+        if self._stretch.direction * (found.place - until) <= 0.0:
+            return False
+        stop = laws.then_stop(self._law, self.time)
+        return coming.number > 0 or self._scene.blocked(self._stretch, stop, self.time) is not None
+
     def _misfit(self, coming: NextPath) -> str:
         """Return why the path of `splice` may not take over, or nothing."""
         place = self._stretch.place(self._law.at(coming.then)[0])
@@ -109,7 +133,7 @@ class LawFollower:
         return any(seen.blocked(stretch, one, then) is None for one in (law, stretch.laws.then_stop(law, then)))
 
     def _take_over(self, coming: NextPath) -> None:
-        """Go on along the path that was to take over, if the robot comes to the state in which that begins."""
+        """Go on, from then, along the path that was to take over, if the robot comes to where that begins."""
         self._next = None
         if coming.number and self._held != "waiting":
             return
@@ -126,11 +150,10 @@ class LawFollower:
         if self._planning is not None:
             self._planning.follow(path.run, self._scene.watch, coming.number)
         self._tracking.take_over(path)
-        self._backwards, self._wanted = False, 0.0 if self._held else self._override
-        self._law = self._start_law(path, self._wanted, then)
-        self._pending = self._wanted != self._law.target
-        if not self._pending:
-            self._yield()
+        self._backwards, self.time = False, then  # the law of the path does not begin before
+        self._law = self._start_law(path, 0.0 if self._held else self._override, then)
+        self._lead()
+        self._yield()
 
     def _start_law(self, path: ProvedPath, speed: float, then: float) -> "TimeLaw":
         """Return the law at the start of a motion: at rest any speed will do, in motion that of the plan.

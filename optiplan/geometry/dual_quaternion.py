@@ -101,33 +101,6 @@ class DualQuaternion:
         """The conjugate real* + ε dual*, with negated vector parts: the inverse of a unit dual quaternion."""
         return DualQuaternion(_CONJUGATE * self.real, _CONJUGATE * self.dual)
 
-    @property
-    def dual_conjugate(self) -> "DualQuaternion":
-        """The conjugate real - ε dual."""
-        return DualQuaternion(self.real, -self.dual)
-
-    @property
-    def full_conjugate(self) -> "DualQuaternion":
-        """The conjugate real* - ε dual*, which moves points: 1 + ε p_A = q (1 + ε p_B) q.full_conjugate."""
-        return DualQuaternion(_CONJUGATE * self.real, -_CONJUGATE * self.dual)
-
-    @property
-    def defect(self) -> float:
-        """Distance from unit: the larger of | |real| - 1 | and |real · dual| (m)."""
-        return max(abs(math.hypot(*self.real) - 1.0), abs(float(self.real @ self.dual)))
-
-    def normalised(self) -> "DualQuaternion":
-        """Return the nearest unit dual quaternion: r = real / |real|, and dual / |real| without its part along r.
-
-        Raises:
-            ValueError: real is zero.
-        """
-        length = math.hypot(*self.real)
-        if length == 0.0:
-            raise ValueError("found a real part of zero; expected a dual quaternion with a direction")
-        real, dual = self.real / length, self.dual / length
-        return DualQuaternion(real, dual - (real @ dual) * real)
-
 
 def screw_between(X_W0: pin.SE3, X_W1: pin.SE3, tau: float) -> pin.SE3:
     """Return `DualQuaternion.towards` of poses."""

@@ -94,19 +94,24 @@ class Enclosure:
         """Return the corners (m, 3, 3) of each closed piece, and the sign, 1 or -1, of its volume.
 
         With that sign, a solid has a positive volume and the wall of a hollow a negative one; that of a two-sided sheet
-        is 0. None if any other piece is open.
+        is 0. A piece is such a wall if the winding number is 0 within it and not around it. None if any other piece is
+        open.
         """
         if self._torn:
             return None
         volumes = [float(np.linalg.det(piece.corners - piece.corners[0, 0]).sum()) for piece in self._closed]
+        windings = [float(np.sign(volumes[k])) if piece.sense else 0.0 for k, piece in enumerate(self._closed)]
         found: list[tuple[Array, float]] = []
-        for piece, volume in zip(self._closed, volumes, strict=True):
-            hollow = piece.sense and volume < 0.0 and self._inside_another(piece)
-            found.append((piece.corners, 1.0 if hollow or volume >= 0.0 else -1.0))
+        for k, (piece, volume) in enumerate(zip(self._closed, volumes, strict=True)):
+            around = sum(windings[j] for j in self._around(k)) if -windings[k] in windings else 0.0
+            hollow = around != 0.0 and around + windings[k] == 0.0
+            found.append((piece.corners, 1.0 if hollow == (volume < 0.0) else -1.0))
         return found
 
-    def _inside_another(self, piece: _Piece) -> bool:
-        return any(piece.within(other) for other in self._closed if other is not piece)
+    def _around(self, k: int) -> list[int]:
+        """Return the closed pieces that piece k lies within."""
+        boxes = ((self._low[k] >= self._low) & (self._high[k] <= self._high)).all(axis=1)
+        return [j for j in np.flatnonzero(boxes).tolist() if j != k and self._closed[k].within(self._closed[j])]
 
 
 def evenly_wound(vertices: Array, triangles: Triangles) -> bool:

@@ -45,8 +45,8 @@ class ObstacleMotion(ReadOnlyArrays):
         axis = point = None
         if turn is not None:
             rows.append(list(turn["angle"]))
-            axis = np.array(turn["axis"], float)
-            axis, point = axis / np.linalg.norm(axis), np.array(turn["about"], float)
+            axis = np.array(turn["axis"], float) / math.hypot(*turn["axis"])  # without squares, which overflow
+            point = np.array(turn["about"], float)
         size = max(1, *(len(row) for row in rows))
         padded = [[*row, *[0.0] * (size - len(row))] for row in rows]
         coefficients = np.array(padded, float)

@@ -1,7 +1,9 @@
 """`Pose`, and the schema of poses and their tolerances in a problem file."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Self, TypeVar
 
@@ -12,10 +14,10 @@ from pydantic import AfterValidator, BaseModel, model_validator
 from optiplan.arrays import Array
 from optiplan.config.document import Document, Strict, plain, validate
 from optiplan.config.values import Length, Name, Quaternion, Vector
-from optiplan.errors import InputError, described, wrong_argument
-from optiplan.geometry.poses import check_angles, in_radians, pose_from_data, pose_to_data
+from optiplan.errors import InputError, Issue, described, wrong_argument
+from optiplan.geometry.poses import check_angles, in_radians, pose_from_data, pose_from_matrix, pose_to_data
 
-Angles = Annotated[Vector, AfterValidator(check_angles)]
+Angles = Annotated[Vector, AfterValidator(partial(check_angles, degrees="rpy_deg"))]
 """Roll, pitch and yaw, rad, each within a turn."""
 
 
@@ -111,12 +113,12 @@ class Pose:
         """
         if isinstance(X_WG, pin.SE3):
             return cls.of(X_WG, frame)
-        X = np.asarray(X_WG, float) if np.shape(X_WG) == (4, 4) else np.zeros((4, 4))
-        R = X[:3, :3]
-        if np.abs(R.T @ R - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0 or (X[3] != [0.0, 0.0, 0.0, 1.0]).any():
-            expected = "a matrix (4, 4): a rotation and a translation in m above the row 0, 0, 0, 1"
-            raise wrong_argument("Pose.from_matrix", "X_WG", described(X_WG), expected)
-        return cls.of(pin.SE3(R, X[:3, 3]), frame)
+        with suppress(TypeError, ValueError, OverflowError):
+            matrix = np.asarray(X_WG, float)
+            if matrix.shape == (4, 4):
+                return cls.of(pose_from_matrix(matrix.ravel().tolist()), frame)
+        expected = "a matrix (4, 4): a rotation and a translation in m above the row 0, 0, 0, 1"
+        raise wrong_argument("Pose.from_matrix", "X_WG", described(X_WG), expected)
 
     @classmethod
     def of(cls, X_WG: pin.SE3, frame: str | None) -> "Pose":
@@ -186,10 +188,11 @@ def checked(spec: type[Spec], data: Mapping[str, Any], function: str, names: Map
     try:
         return validate(spec, Document(Path(f"op.{function}"), plain(data), {}))
     except InputError as error:
-        raise InputError(replace(issue, field=_argument(issue.field, names)) for issue in error.issues) from None
+        raise InputError(replace(issue, field=_argument(issue, names)) for issue in error.issues) from None
 
 
-def _argument(field: str, names: Mapping[str, str]) -> str:
+def _argument(issue: Issue, names: Mapping[str, str]) -> str:
+    field = issue.field if issue.path else ""  # a call has no file to name where it is about all of its arguments
     for name, argument in names.items():
         if field == name or field.startswith((f"{name}[", f"{name}.")):
             return argument + field.removeprefix(name)

@@ -20,15 +20,20 @@ _LARGEST_ANGLE = 2.0 * math.pi + 1e-3
 Angles = TypeVar("Angles", bound=Sequence[float])
 
 
-def check_angles(rpy: Angles) -> Angles:
+def check_angles(rpy: Angles, degrees: str = "") -> Angles:
     """Return angles, none of which is beyond a whole turn.
+
+    Args:
+        rpy: rad.
+        degrees: the key that takes degrees instead, if there is one.
 
     Raises:
         ValueError: there is one, most likely in degrees.
     """
     for angle in rpy:
         if not abs(angle) <= _LARGEST_ANGLE:
-            raise ValueError(f"found {angle:g}; expected angles in rad, within a turn (6.2832); for degrees: rpy_deg")
+            hint = f"; for degrees: {degrees}" if degrees else ""
+            raise ValueError(f"found {angle:g}; expected angles in rad, within a turn (6.2832){hint}")
     return rpy
 
 
@@ -36,7 +41,7 @@ def in_radians(data: Any) -> Any:
     """Return a mapping with `rpy`, rad, in place of `rpy_deg`; return other data unchanged.
 
     Raises:
-        ValueError: it has both.
+        ValueError: it has both, or an angle beyond a turn.
     """
     if not isinstance(data, Mapping) or data.get("rpy_deg") is None:
         return data
@@ -44,8 +49,11 @@ def in_radians(data: Any) -> Any:
         raise ValueError("found both rpy and rpy_deg; expected at most one of them")
     try:
         turned = [math.radians(angle) for angle in data["rpy_deg"] if not isinstance(angle, bool)]
-    except TypeError:
+    except (TypeError, OverflowError):
         return data  # the check of the field reports the error
+    for angle in turned:
+        if not abs(angle) <= _LARGEST_ANGLE:
+            raise ValueError(f"found {math.degrees(angle):g} in rpy_deg; expected angles within a turn (360)")
     return {**{key: value for key, value in data.items() if key != "rpy_deg"}, "rpy": turned}
 
 

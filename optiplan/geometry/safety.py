@@ -40,14 +40,24 @@ class SafePairs:
     """The distance that two groups of bodies keep from each other.
 
     Attributes:
-        of: names of links, obstacles and held objects, in which `*` stands for any text.
+        of: names of links, obstacles and held objects, or a single one; `*` stands for any text in them.
         others: the same of the other group.
         at_least: m.
+
+    Raises:
+        InputError: groups that are no names.
     """
 
     of: tuple[str, ...]
     others: tuple[str, ...]
     at_least: float
+
+    def __post_init__(self) -> None:
+        for name in ("of", "others"):
+            stated = getattr(self, name)
+            if not isinstance(stated, Iterable):
+                raise wrong_argument("SafePairs", name, described(stated), "a name of a body, or several")
+            object.__setattr__(self, name, (stated,) if isinstance(stated, str) else tuple(stated))
 
     def holds(self, a: str, b: str) -> bool:
         """Whether two bodies are one of each group."""
@@ -170,7 +180,7 @@ class Safety:
         if data is None or isinstance(data, int | float):
             return cls.of(data)
         groups = data.get("pairs", ())
-        pairs = tuple(SafePairs(_names(one["of"]), _names(one["from"]), one["at_least"]) for one in groups)
+        pairs = tuple(SafePairs(one["of"], one["from"], one["at_least"]) for one in groups)
         return cls.of(cls(data["scene"], data["self"], pairs, data["within"]))
 
     def __repr__(self) -> str:
@@ -181,10 +191,6 @@ class Safety:
 
 def _any(patterns: Sequence[str], name: str) -> bool:
     return any(named_by(pattern, name) for pattern in patterns)
-
-
-def _names(stated: str | Sequence[str]) -> tuple[str, ...]:
-    return (stated,) if isinstance(stated, str) else tuple(stated)
 
 
 def _distance(argument: str, value: Any, of: str = "Safety") -> None:

@@ -14,7 +14,7 @@ from optiplan.config.messages import choices, describe
 from optiplan.config.simple_yaml import Place
 from optiplan.config.values import FileName, Name, NamePair, Vector
 from optiplan.errors import InputError, Issue, UnknownChoiceError
-from optiplan.files import is_file
+from optiplan.files import hindrance
 from optiplan.geometry.file_shapes import FileShape
 from optiplan.geometry.meshes.reading import open_mesh
 from optiplan.geometry.pose import PoseGoalSpec, PoseSpec, ToleranceSpec, pose_of
@@ -95,9 +95,9 @@ class Compiler:
             return None
         try:
             file = None if isinstance(self._robot, Mapping) else robot_file(self._robot, self.base)
-            if file is not None and not is_file(file):
-                found = f"'{self._robot}', but there is no file {file}"
-                self.report(("robot",), found, "a robot of `optiplan robots`, or the path of a robot.yaml")
+            if file is not None and (why := hindrance(file)):
+                valid = "a robot of `optiplan robots`, or the path of a robot.yaml"
+                self.report(("robot",), f"'{self._robot}', but {why}", valid)
                 return None
             robot = load(self._robot, self.base, self._locked, self._group)
             self.main_joints = robot.joint_names

@@ -175,7 +175,10 @@ class FreeSpace:
 
 def touching(model: CollisionModel, q: Array) -> Touching | None:
     """Return the bodies in contact at q (n,), the deepest first; None where it is free."""
-    contacts = sorted(model.touching(q, TOUCHING), key=lambda contact: contact.distance)
+    deepest: dict[tuple[str, str], Contact] = {}  # two bodies of several shapes have several contacts
+    for contact in sorted(model.touching(q, TOUCHING), key=lambda contact: contact.distance):
+        deepest.setdefault((contact.pair.name_a, contact.pair.name_b), contact)
+    contacts = list(deepest.values())
     if contacts:
         pair, rest = contacts[0].pair, len(contacts) - 3
         words = "; ".join(_depth(contact) for contact in contacts[:3])

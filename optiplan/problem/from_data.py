@@ -336,6 +336,8 @@ def _constraints(document: Document, parts: _ProblemParts, alternatives: int) ->
         if low == 0.0 and parts.start is not None:
             broken = kept.words(parts.start.state)
             issues += [document.issue(("start",), f"a start that is {words}", expected) for words in broken]
+        if not kept.decided_by_an_end:
+            continue
         for via in parts.joint_vias:
             broken = kept.words(via.value.state) if (low, high) == WHOLE and via.value.tolerance <= HIT else []
             issues += [document.issue(via.place, f"a via that is {words}", expected) for words in broken]
@@ -366,6 +368,20 @@ def _alternatives(parts: _ProblemParts, goals: int) -> Iterator[list[StatedEnd]]
             yield [StatedEnd(place, end.q, action.joints) for end in ends if len(ends) == len(action.goal)]
 
 
+def _begun(scene: Scene, steps: list["TaskStep"]) -> Scene:
+    """Return the scene with the contacts allowed that the first step of an arm, or of an alternative, allows."""
+    from optiplan.problem.task.scene_change import scene_during
+
+    first: dict[str, list[TaskStep]] = {}
+    for step in steps:
+        own = first.setdefault(step.arm, [])
+        choice = own[0].option if own else None
+        if not own or (choice and step.option and choice[0] == step.option[0] and own[-1].option != step.option):
+            own.append(step)
+            scene = scene_during(scene, step)
+    return scene
+
+
 def _collisions(document: Document, parts: _ProblemParts, compiler: Compiler) -> list[Issue]:
     """Report a start, a via, or a goal with all alternatives, in collision."""
     scene = parts.scene
@@ -375,10 +391,12 @@ def _collisions(document: Document, parts: _ProblemParts, compiler: Compiler) ->
     issues = []
     cure = "bodies that are apart (or a pair of scene.allowed_collisions)"
     if parts.start is not None and compiler.start_spec is not None:
-        found = touching(model, parts.start.q)
+        begun = _begun(scene, [part.value for part in parts.task])
+        found = touching(model if begun is scene else collision_model(parts.robot, begun), parts.start.q)
         if found is not None:
             place = ("start", compiler.start_spec.kind)
-            issues.append(document.issue(place, f"the start is in collision: {found.reason}", cure))
+            of_task = ", or of allowed_collisions of the first step" if parts.task else ""
+            issues.append(document.issue(place, f"the start is in collision: {found.reason}", f"{cure[:-1]}{of_task})"))
     for via in parts.joint_vias:
         found = touching(later, via.value.q)
         if found is not None:

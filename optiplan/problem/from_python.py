@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from optiplan.problem.constraints.expression import Expression
     from optiplan.problem.problem import Problem
 
-_HERE = "<problem>"
+NO_FILE = "<problem>"
 """Stands for the file of a problem that has none."""
 
 
@@ -101,7 +101,7 @@ def _with_frames(data: Mapping[str, Any], robot: Robot) -> Mapping[str, Any]:
     """Return the data of a problem with the tool frame of its robot, which no file has, at each place that uses it."""
     try:
         with reading(None):
-            stated = in_one_form(Document(Path(_HERE), plain(data), {}), Path.cwd(), _loader(robot)).data
+            stated = in_one_form(Document(Path(NO_FILE), plain(data), {}), Path.cwd(), _loader(robot)).data
     except InputError:
         return data  # reading it reports this, and all else that is wrong
     others = [group for group in robot.tool_frames if set(robot.groups.get(group, ())) != set(robot.joint_names)]
@@ -149,9 +149,9 @@ def read_data(data: Mapping[str, Any], robot: Robot | None = None) -> Mapping[st
     loader = load_robot if robot is None else _loader(robot)
     try:
         with reading(None):
-            return read_problem(Document(Path(_HERE), plain(data), {}), Path.cwd(), loader)
+            return read_problem(Document(Path(NO_FILE), plain(data), {}), Path.cwd(), loader)
     except InputError as error:
-        raise error.about(_HERE, "op.Problem") from None
+        raise error.about(NO_FILE, "op.Problem") from None
 
 
 def _loader(robot: Robot) -> RobotLoader:

@@ -10,6 +10,7 @@ from optiplan.errors import InputError, Issue
 from optiplan.files import reading
 from optiplan.problem.builder import RobotLoader
 from optiplan.problem.from_data import read_problem
+from optiplan.problem.from_python import NO_FILE
 from optiplan.problem.problem import Problem
 from optiplan.resources import robots_dir
 from optiplan.robot.robot import load_robot
@@ -54,7 +55,7 @@ def problem_from_dict(
         InputError: as `load_problem`, without lines.
     """
     with reading(_with_robots(folders)):
-        document = Document(Path("<problem>"), plain(data), {})
+        document = Document(Path(NO_FILE), plain(data), {})
         return Problem.of(read_problem(document, Path(base).resolve(), robots))
 
 

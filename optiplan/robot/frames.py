@@ -81,7 +81,7 @@ def with_tool_of(robot: "Robot", group: str | None, main: Collection[str]) -> "R
         group: a name of its `groups`; None: that of the problem.
         main: the joints of the problem's own group.
     """
-    frame = robot.tool_frames.get(str(group), robot.tool_frame)
-    if frame == robot.tool_frame or set(robot.groups.get(str(group), ())) == set(main):
+    frame = robot.tool_frames.get(group or "", robot.tool_frame)
+    if frame == robot.tool_frame or set(robot.groups.get(group or "", ())) == set(main):
         return robot
     return robot.with_tool(frame)

@@ -337,11 +337,9 @@ class Robot(RobotParts):
         return replace(bare, **held_parts(bare, fixed)).mounted(self.mounting)
 
     def with_proved_checked(self, only: Collection[LinkPair] | None = None) -> "Robot":
-        """Return the same robot with pairs checked that are proved apart, for queries of larger distances.
-
-        Args:
-            only: of these pairs; None: all.
-        """
+        """Return the same robot with pairs checked that are proved apart, all or `only` some, for larger distances."""
+        if self.bare is not None:
+            return self._dismounted().with_proved_checked(only).mounted(self.mounting)
         kept = [pair for pair, why in self.allowed.items() if why != PROVED or (only is not None and pair not in only)]
         allowed = {pair: self.allowed[pair] for pair in kept}
         geometry = self.geometry.copy()

@@ -53,6 +53,11 @@ class StoredRun:
     given: GivenFiles = field(default_factory=GivenFiles)
     interpolation: str = ""
 
+    @property
+    def record_file(self) -> Path:
+        """The path of the `run.json`."""
+        return (self.place if self.place.is_dir() else self.place.parent) / RUN
+
 
 def save_run(run: Saved, folder: Path, beside: Mapping[str, bytes] | None = None, older: Iterable[str] = ()) -> None:
     """Write a run; an older run in the folder is replaced. A run without trajectory leaves `run.json` alone.

@@ -2,15 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+from optiplan.errors import InputError
 from optiplan.planners.base import Failure
+from optiplan.problem.from_python import NO_FILE
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
 from optiplan.runs.common_bound import duration_bound
 from optiplan.runs.metrics import measure
 from optiplan.runs.run import Run
-from optiplan.runs.run_folder import StoredRun
+from optiplan.runs.run_folder import RUN, StoredRun
 from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.bounds.duration_bound import DurationBound
@@ -19,11 +22,28 @@ from optiplan.verify.report import Check, Report
 from optiplan.verify.verify import verify
 
 
+def recorded_problem(record: Mapping[str, Any], file: Path | str) -> Problem:
+    """Return the problem of a run.
+
+    Args:
+        record: content of `run.json`.
+        file: its path, for messages.
+
+    Raises:
+        InputError: it cannot be read any more, as where the file of its robot is gone.
+    """
+    try:
+        return problem_from_dict(record["problem"])
+    except InputError as error:
+        raise error.about(NO_FILE, str(file)) from None
+
+
 def run_of_record(
     record: Mapping[str, Any],
     motion: Trajectory | None,
     problem: Problem | None = None,
     given: GivenFiles | None = None,
+    file: Path | str = RUN,
 ) -> Run:
     """A run from the content of its `run.json` and its motion, which is verified on the problem.
 
@@ -32,11 +52,12 @@ def run_of_record(
         motion: None where the planner failed.
         problem: None: as the record says, whose hash must be that of its problem.
         given: what stood in the files beside the motion, held against it.
+        file: of the record, for messages.
 
     Raises:
         InputError: the problem of the record cannot be read any more.
     """
-    own, problem = problem is None, problem_from_dict(record["problem"]) if problem is None else problem
+    own, problem = problem is None, recorded_problem(record, file) if problem is None else problem
     report = None if motion is None else verify(problem, motion, given=given)
     if report is not None and own and not (origin := same_problem(record, problem)).passed:
         report = _with_origin(report, origin)

@@ -328,7 +328,7 @@ class Client:
         data = answer["trajectory"]
         motion = None if data is None else Trajectory.from_dict(data)
         given = None if data is None else GivenFiles.of(data, record, TRAJECTORY)
-        return run_of_record(record or answer, motion, problem, given)
+        return run_of_record(record or answer, motion, problem, given, f"{self.url}/api/runs/{answer['id']}/{RUN}")
 
     def _send(self, method: str, path: str, **given: Any) -> httpx.Response:
         try:

@@ -288,10 +288,10 @@ class Trajectory(ReadOnlyArrays):
         """Return the same path in another duration, s: q'(t) = q(t T / duration), derivative k times (T / duration)^k.
 
         Raises:
-            ValueError: if the duration is not positive and finite.
+            InputError: the duration is not positive and finite. It is a ValueError too.
         """
         if not 0.0 < duration < np.inf:
-            raise ValueError(f"duration: found {duration}; expected a positive number of seconds")
+            raise _Refused.of("duration", f"{duration}", "a positive number of seconds")
         rate = self.duration / duration
         powers = rate ** np.arange(self.coefficients.shape[1])
         segments = tuple(segment.scaled(rate) for segment in self.segments)

@@ -8,6 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from optiplan.arrays import number_argument
+
+_LEAST_INTERVAL = 1e-12
+"""s: so short are parts of a piece of a million seconds after 60 halvings; they are counted in 64 bits."""
+
 
 @dataclass(frozen=True)
 class VerifyPolicy:
@@ -21,8 +26,12 @@ class VerifyPolicy:
         rest_tolerance: largest velocity and acceleration at both ends (off what the problem states there), and sum of
             all their steps at breakpoints, as a fraction of their limits.
         torque_rate: intervals a second, Hz, with which the proof of the torques begins.
-        min_interval: an interval shorter than this, s, on which clearance or a torque cannot be proved is a refusal.
+        min_interval: an interval shorter than this, s, on which clearance or a torque cannot be proved is a refusal;
+            1e-12 s at least.
         max_queries: exact distance queries, or torques, after which a proof is given up.
+
+    Raises:
+        InputError: a number out of its range.
     """
 
     clearance: float = 0.0
@@ -33,6 +42,14 @@ class VerifyPolicy:
     torque_rate: float = 200.0
     min_interval: float = 1e-9
     max_queries: int = 1_000_000
+
+    def __post_init__(self) -> None:
+        for name in ("clearance", "limit_tolerance", "position_tolerance", "jump_tolerance", "rest_tolerance"):
+            number_argument("VerifyPolicy", name, getattr(self, name), "a number >= 0", 0.0)
+        number_argument("VerifyPolicy", "torque_rate", self.torque_rate, "a number of Hz above 0", above=0.0)
+        least = _LEAST_INTERVAL
+        number_argument("VerifyPolicy", "min_interval", self.min_interval, f"a number of seconds >= {least:g}", least)
+        number_argument("VerifyPolicy", "max_queries", self.max_queries, "a number >= 1", 1.0)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ processes stay behind if their parent is killed.
 
 import signal
 from collections.abc import Callable
+from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from typing import Generic, TypeVar
 
@@ -34,7 +35,7 @@ def run_chunks(
     has died finds the pipe broken and ends, so none is left behind.
 
     Raises:
-        OptiPlanError: a worker died.
+        OptiPlanError: a worker died, or the work raises one.
     """
     if processes <= 1 or count <= 1:
         do = work.prepare()
@@ -70,15 +71,17 @@ def _collect(
     rest = iter(range(count))
     try:
         for own in connections:
-            own.send(work)
-            own.send(next(rest))
+            own.send((work, next(rest)))
     except ConnectionError:
         raise OptiPlanError(_DEAD) from None
     while len(results) < count:
         for connection in wait(connections):
             assert isinstance(connection, Connection)
             try:
-                k, result = connection.recv()
+                found = connection.recv()
+                if isinstance(found, OptiPlanError):
+                    raise found
+                k, result = found
                 following = next(rest, None)
                 if following is not None:
                     connection.send(following)
@@ -98,15 +101,12 @@ def _serve(connection: Connection) -> None:
     Ctrl-C in a terminal is for the parent: this process ends with it, and has nothing to say.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        work, k = connection.recv(), connection.recv()
-    except (EOFError, ConnectionError):
-        return
-    do = work.prepare()
-    while True:
-        result = do(k)
+    with suppress(EOFError, ConnectionError):
         try:
-            connection.send((k, result))
-            k = connection.recv()
-        except (EOFError, ConnectionError):
-            return
+            work, k = connection.recv()
+            do = work.prepare()
+            while True:
+                connection.send((k, do(k)))
+                k = connection.recv()
+        except OptiPlanError as error:
+            connection.send(error)

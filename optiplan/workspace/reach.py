@@ -11,6 +11,8 @@ from optiplan.robot.robot import Robot
 
 _STARTS, _REFINED = 4096, 12
 _PARALLEL = 1e-6
+_NO_REACH = 1e-9
+"""m; rounding alone moves the tool so far."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +75,9 @@ def reach(robot: Robot, frame: str | None = None) -> Reach:
     """Least and largest distance of `frame` (the tool frame without it) from the shoulder.
 
     Descent of ±|p - s|² / 2, gradient ±J_v^T (p - s), from the best of random starts: not proved to be global.
+
+    Raises:
+        OptiPlanError: the frame stays at the shoulder, or a sliding joint has no limits.
     """
     from scipy.optimize import minimize
 
@@ -93,4 +98,7 @@ def reach(robot: Robot, frame: str | None = None) -> Reach:
         limits = list(zip(lower, upper, strict=True))
         found = [minimize(half_square, starts[k], jac=True, bounds=limits, options=options).fun for k in chosen]
         ends.append(float(np.sqrt(max(2.0 * sign * min(found), 0.0))))
+    if ends[1] < _NO_REACH:
+        still = f"the frame {frame or robot.tool_frame} at the shoulder in every configuration"
+        raise OptiPlanError(f"{robot.name}: found {still}; expected a frame away from the first axis")
     return Reach(shoulder, ends[0], ends[1])

@@ -127,7 +127,8 @@ def study_workspace(
     The result depends on the options alone, not on the number of processes.
 
     Raises:
-        OptiPlanError: a sliding joint without limits, or more configurations than `MOST`.
+        OptiPlanError: a sliding joint without limits, a tool that stays at the shoulder, or more configurations than
+            `MOST`.
     """
     size = options.samples if options.grid is None else options.grid**robot.n
     if size > MOST:

@@ -6,7 +6,7 @@ import pytest
 
 import optiplan as op
 from optiplan.collision.kept_models import collision_model
-from optiplan.problem.free_space import touching
+from optiplan.problem.free_space import TOUCHING, touching
 
 STEP = 1e-6
 
@@ -97,6 +97,11 @@ def test_free_says_the_pair_that_meets(shelf):
     assert "panda_hand" in found[1].pair
     assert found[1].reason.startswith("'panda_link5' and 'panda_hand' overlap by ")
     assert repr(found[0]) == "FreeCheck: free"
+    folded = np.array([0.8, -0.8, -2.7, -3.0, 1.8, 3.4, 0.6])
+    contacts = collision_model(shelf.robot, shelf.scene).touching(folded, TOUCHING)
+    pairs = {(contact.pair.name_a, contact.pair.name_b) for contact in contacts}
+    assert len(pairs) < len(contacts)  # a link of several shapes
+    assert shelf.is_free(folded).reason.endswith(f"; and {len(pairs) - 3} more pairs")
 
 
 def test_the_pair_that_meets_is_that_of_the_check_whatever_its_array_holds_later(shelf):

@@ -25,13 +25,26 @@ def test_a_folder_is_planned_and_continued(optiplan, tmp_path):
     command = ("plan", tmp_path / "in", "--out", tmp_path / "out", "--seeds", "2", "--lerobot")
     code, out, _ = optiplan(*command)
     assert code == 0
-    assert "2 verified; 2 planned now, 0 kept" in out
+    assert "2 verified; 2 new, 0 kept" in out
     assert (tmp_path / "out/lerobot/planar2r/meta/info.json").exists()
     (tmp_path / "in" / "bad.yaml").write_text(PROBLEM.replace("0.5, 0.5", "0.5"))
     code, out, _ = optiplan(*command, "--json")
     told = json.loads(out)
     assert (code, told["counts"], told["planned"], told["kept"]) == (2, {"verified": 2, "bad-input": 2}, 2, 2)
     assert "bad.yaml:4: goal.joints: 1 values" in told["bad"][0]["reason"]
+    assert told["failed"] == []
+
+
+def test_what_has_no_plan_is_named(optiplan, optiplan_json, shut_in, tmp_path):
+    """With its seed, where there are several."""
+    (tmp_path / "in").mkdir()
+    shut_in.rename(tmp_path / "in" / "shut-in.yaml")
+    command = ("plan", tmp_path / "in", "--out", tmp_path / "out", "--budget", "0.2", "--seeds", "1")
+    code, out, err = optiplan(*command)
+    assert (code, out.splitlines()[0]) == (3, "1 no-plan; 1 new, 0 kept")
+    assert err.startswith("shut-in.yaml, seed 0: no-plan: ")
+    (failed,) = optiplan_json(*command)[1]["failed"]
+    assert failed["episode"] == "shut-in.yaml, seed 0"
 
 
 @pytest.mark.parametrize(
@@ -71,4 +84,4 @@ def test_ctrl_c_keeps_what_is_done(optiplan, tmp_path, monkeypatch):
     assert "interrupted" in err
     code, out, _ = optiplan(*command)
     assert code == 0
-    assert "2 planned now, 1 kept" in out
+    assert "2 new, 1 kept" in out

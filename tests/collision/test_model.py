@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from optiplan.collision.clearance_test import PairMargins
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.convex_hulls import convex_hull
 from optiplan.geometry.scene import Attachment, Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Sphere
@@ -193,4 +194,6 @@ def test_a_mesh_that_lies_in_a_plane_is_touched(panda: Robot, tmp_path: Path, ti
     through = pin.SE3(turned.rotation, hand.translation)
     for place, touches in ((through, True), (pin.SE3(turned.rotation, np.array([9.0, 0.0, 0.5])), False)):
         model = CollisionModel(panda, Scene((Obstacle("sheet", Mesh(file), place),), (attached,)))
-        assert model.collides(q) == touches
+        margins = PairMargins(model)
+        margins.set(np.zeros(len(model.pairs)))
+        assert (model.collides(q), margins.near(q)) == (touches, touches)

@@ -104,6 +104,20 @@ def test_a_hollow_is_free_if_its_walls_say_so():
     assert holds(joined(room, box(0.9, (0.3, 0.2, 0.1))), IN)  # a block in the room
 
 
+@pytest.mark.parametrize("change", [lambda part: part, inverted])
+def test_hollows_count_against_the_volume_whatever_the_winding(change):
+    room = joined(box(4.0), inverted(box(2.0, (0.3, 0.0, 0.0))))
+    parts = {
+        "room": (room, 56.0),
+        "block in it": (joined(room, box(1.0)), 57.0),
+        "bolt": (joined(box(4.0), box()), 72.0),
+    }
+    for mesh, expected in parts.values():
+        solids = Enclosure(*change(mesh)).solids()
+        volumes = [sign * np.linalg.det(corners - corners[0, 0]).sum() / 6.0 for corners, sign in solids]
+        assert sum(volumes) == pytest.approx(expected)
+
+
 def test_edges_of_three_triangles_enclose_what_they_enclose():
     vertices, faces = box()
     flap = joined((vertices, faces), (np.array([[1.0, 1, 1], [1, 1, -1], [3, 3, 0]]), np.array([[0, 1, 2]])))

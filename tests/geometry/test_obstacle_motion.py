@@ -50,6 +50,14 @@ def test_equal_motions_have_equal_keys(motion):
     assert again.key != ObstacleMotion.of_data([[0.0, 0.1], [0.0], [0.0]]).key
 
 
+def test_an_axis_of_any_length_is_a_direction():
+    fan = op.Box("fan", (0.2, 0.1, 0.1))
+    for length in (1e-200, 1e200):
+        assert fan.moving(turn={**TURN, "axis": [length, 0.0, 0.0]}).motion.axis.tolist() == [1.0, 0.0, 0.0]
+    with pytest.raises(op.InputError, match="turn"):
+        fan.moving(turn={**TURN, "axis": [1.7e308] * 3})
+
+
 def test_a_body_that_turns_is_moved_with_the_axis_about_which_it_does():
     fan = op.Box("fan", size=(0.2, 0.1, 0.1), position=(0.5, 0.2, 0.3)).moving(ROWS, turn=TURN)
     scene, by = op.Scene([fan]), np.array([1.0, -2.0, 0.5])

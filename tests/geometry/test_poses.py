@@ -78,6 +78,11 @@ def as_array(q: DualQuaternion) -> np.ndarray:
     return np.concatenate([q.real, q.dual])
 
 
+def off_unit(q: DualQuaternion) -> float:
+    """The larger of | |real| - 1 | and |real · dual|."""
+    return max(abs(np.linalg.norm(q.real) - 1.0), abs(q.real @ q.dual))
+
+
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(4)
@@ -88,7 +93,7 @@ def test_dual_quaternions_stand_for_poses_both_ways_and_multiply_like_them(rng):
         X_AB, X_BC = random_pose(rng), random_pose(rng)
         q_AB, q_BC = map(DualQuaternion.from_pose, (X_AB, X_BC))
         assert q_AB.real[0] >= 0.0
-        assert q_AB.defect < 1e-15
+        assert off_unit(q_AB) < 1e-15
         assert np.allclose(q_AB.pose().homogeneous, X_AB.homogeneous, atol=1e-14)
         assert np.allclose(DualQuaternion(-q_AB.real, -q_AB.dual).pose().homogeneous, X_AB.homogeneous, atol=1e-14)
         assert np.allclose((q_AB * q_BC).pose().homogeneous, (X_AB * X_BC).homogeneous, atol=1e-14)
@@ -103,32 +108,20 @@ def test_real_and_dual_part_are_half_the_angle_and_half_the_position_times_it():
     assert np.allclose(q.dual, 0.5 * np.array([-z * s, x * c + y * s, y * c - x * s, z * c]), atol=1e-15)
 
 
-def test_the_three_conjugates(rng):
-    X, p = random_pose(rng), rng.normal(size=3)
+def test_the_conjugate_is_the_inverse_and_of_a_product_the_product_in_the_other_order(rng):
+    X = random_pose(rng)
     q = DualQuaternion.from_pose(X)
-    one = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
-    assert np.allclose(as_array(q * q.conjugate), one, atol=1e-15)
+    assert np.allclose(as_array(q * q.conjugate), [1, 0, 0, 0, 0, 0, 0, 0], atol=1e-15)
     assert np.allclose(q.conjugate.pose().homogeneous, X.inverse().homogeneous, atol=1e-14)
-    assert np.array_equal(as_array(q.dual_conjugate), np.concatenate([q.real, -q.dual]))
-    assert np.array_equal(as_array(q.full_conjugate), as_array(q.conjugate.dual_conjugate))
-    point = DualQuaternion(np.array([1.0, 0, 0, 0]), np.array([0.0, *p]))
-    moved = q * point * q.full_conjugate
-    assert np.allclose(as_array(moved), [1, 0, 0, 0, 0, *X.act(p)], atol=1e-14)
-
-
-def test_conjugates_of_a_product_come_in_the_other_order(rng):
     a, b = (DualQuaternion(*rng.normal(size=(2, 4))) for _ in range(2))
-    for name in ("conjugate", "full_conjugate"):
-        right = getattr(b, name) * getattr(a, name)
-        assert np.allclose(as_array(getattr(a * b, name)), as_array(right), atol=1e-14)
-    assert np.allclose(as_array((a * b).dual_conjugate), as_array(a.dual_conjugate * b.dual_conjugate), atol=1e-14)
+    assert np.allclose(as_array((a * b).conjugate), as_array(b.conjugate * a.conjugate), atol=1e-14)
 
 
 @given(st.lists(st.floats(-1, 1), min_size=6, max_size=6), st.sampled_from([0.0, 1e-200, 1e-12, 1e-6, 1e-3, 1.0, 1.7]))
 def test_exp_and_log_are_those_of_poses(twist, size):
     twist = np.array(twist) * np.repeat([1.0, size], 3)
     q = DualQuaternion.exp(twist)
-    assert q.defect < 1e-15
+    assert off_unit(q) < 1e-15
     assert np.allclose(q.pose().homogeneous, pin.exp6(twist).homogeneous, atol=1e-14)
     assert np.allclose(q.log(), twist, atol=1e-14)
     assert np.allclose(DualQuaternion(-q.real, -q.dual).log(), twist, atol=1e-14)
@@ -168,19 +161,6 @@ def test_powers_add_up(turned, s, t):
     q = DualQuaternion.exp(np.array([0.3, -0.2, 0.5, 0.0, 0.8 * turned, 0.6 * turned]))
     both, sum_ = q.power(s) * q.power(t), q.power(s + t)
     assert np.allclose(both.pose().homogeneous, sum_.pose().homogeneous, atol=1e-12)
-
-
-def test_normalised_meets_the_unit_constraint(rng):
-    q = DualQuaternion(*rng.normal(size=(2, 4)))
-    assert q.defect > 1e-2
-    unit_q = q.normalised()
-    assert unit_q.defect < 1e-15
-    length = np.linalg.norm(q.real)
-    assert np.allclose(unit_q.real * length, q.real)
-    off = unit_q.dual - q.dual / length
-    assert np.allclose(off, (off @ unit_q.real) * unit_q.real, atol=1e-15)
-    with pytest.raises(ValueError, match="zero"):
-        DualQuaternion(np.zeros(4), np.ones(4)).normalised()
 
 
 def screw_pairs():

@@ -34,6 +34,9 @@ def test_the_last_group_that_holds_a_pair_decides():
     assert safety.asked("shelf_1", "hand_camera", obstacle=True) == 0.002  # in either order
     assert safety.asked("hand", "shelf_2", obstacle=True) == 0.0
     assert safety.most == 0.01
+    assert op.SafePairs("hand*", ["shelf*"], 0.002) == near  # a name, not its letters
+    with pytest.raises(op.InputError, match=r"op\.SafePairs: others"):
+        op.SafePairs("hand", 3, 0.002)
 
 
 def test_data_without_pairs_is_read():

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 from optiplan.geometry.poses import pose_error
-from optiplan.kinematics.ik.numeric import IkOptions, SeedPool, random_seeds, solve_ik, solve_ik_batch
+from optiplan.kinematics.ik.numeric import IkOptions, random_seeds, solve_ik
 from optiplan.robot.robot import load_robot
 
 
@@ -71,46 +71,3 @@ def test_no_seed_is_an_error():
     robot = load_robot("planar2r")
     with pytest.raises(ValueError, match="seed"):
         solve_ik(robot, robot.tool_frame, pin.SE3.Identity(), [], IkOptions())
-
-
-@pytest.mark.parametrize("name", ["panda", "baxter_left"])
-def test_a_batch_solves_reachable_poses(name):
-    robot = load_robot(name)
-    rng = np.random.default_rng(8)
-    targets = [pose_of(robot, q) for q in random_seeds(robot, np.zeros(robot.n), rng, 100)]
-    pool = SeedPool(robot, robot.tool_frame, rng, size=1000)
-    found = solve_ik_batch(robot, np.array([X.homogeneous for X in targets]), pool, IkOptions(1e-6, 1e-6))
-    assert found.q.shape == (100, robot.n)
-    assert found.solved.mean() >= 0.99  # the share of 2,000 poses is measured in benchmarks/ik_numeric.py
-    for q, solved, error, X_WG in zip(found.q, found.solved, found.error, targets, strict=True):
-        assert error == pytest.approx(pose_error(pose_of(robot, q), X_WG), abs=1e-15)
-        assert (error <= 1e-6).all() == solved
-        assert ((robot.limits.lower <= q) & (q <= robot.limits.upper)).all()
-
-
-def test_a_batch_says_what_is_out_of_reach():
-    robot = load_robot("ur5")
-    pool = SeedPool(robot, robot.tool_frame, np.random.default_rng(0), size=200)
-    near = pose_of(robot, np.array([0.3, -1.0, 1.2, 0.4, 0.5, 0.6]))
-    far = pin.SE3(near.rotation, near.translation + 5.0)
-    found = solve_ik_batch(robot, np.array([near.homogeneous, far.homogeneous]), pool, starts=20)
-    assert found.solved.tolist() == [True, False]
-    assert found.error[1, 0] > 5.0
-
-
-def test_a_pool_gives_the_nearest_poses_first():
-    robot = load_robot("panda")
-    pool = SeedPool(robot, robot.tool_frame, np.random.default_rng(0), size=300)
-    X_WG = pose_of(robot, robot.configurations["ready"])
-
-    def distance(q):
-        X = pose_of(robot, q)
-        return (
-            np.linalg.norm(X.translation - X_WG.translation) ** 2
-            + 0.35**2 * np.linalg.norm(X.rotation - X_WG.rotation) ** 2
-        )
-
-    everything = random_seeds(robot, np.zeros(7), np.random.default_rng(0), 300)
-    expected = sorted(everything, key=distance)[:5]
-    np.testing.assert_array_equal(pool.near(X_WG, 5), expected)
-    assert len(pool.near(X_WG, 1000)) == 300

@@ -1,4 +1,5 @@
 import dataclasses
+import json
 from pathlib import Path
 
 import numpy as np
@@ -150,6 +151,23 @@ def test_start_in_collision_names_bodies_and_depth(write):
     assert (issue.line, issue.field) == (3, "start.joints")
     assert issue.found == "the start is in collision: 'tip' and 'ball' overlap by 20 mm"
     assert "scene.allowed_collisions" in issue.expected
+
+
+def test_a_task_may_begin_in_contacts_that_the_first_step_of_each_arm_or_alternative_allows(write):
+    path = write("[0, 2, 0]", "[1.11, 0, 0]")
+    free = path.read_text().replace(next(x for x in path.read_text().splitlines() if x.startswith("goal")), "{task}")
+    touches = {"move": {"joints": [0.5, 0]}, "allowed_collisions": [["ball", "tip"]]}
+    apart = {"move": {"joints": [0.6, 0]}}
+    for task, begins in (
+        ([touches], True),
+        ([apart, touches], False),
+        ([{"either": [[apart], [touches]]}], True),
+        ([apart, {"either": [[apart], [touches]]}], False),
+    ):
+        path.write_text(free.replace("{task}", f"task: {json.dumps(task)}"))
+        issues = check_file(path)
+        assert (issues == []) is begins
+        assert all("allowed_collisions of the first step" in issue.expected for issue in issues)
 
 
 def test_start_that_touches_is_in_collision(write):

@@ -169,6 +169,7 @@ def test_inertia_of_round_bodies_is_that_of_points_inside(tmp_path):
         ("ROWS    - {joint: prismatic}\n", 7, "dh.rows[0]: a prismatic joint without limits"),
         ("ROWS    - {joint: revolute, limits: [2, 1]}\n", 7, "limits [2, 1]; expected lower <= upper"),
         ("ROWS    - {limits: [1, 2]}\n", 7, "without a joint"),
+        ("ROWS    - {joint: revolute, alpha: 90}\n", 3, "dh: 90; expected angles in rad, within a turn (6.2832); for"),
         ("ROWS    - {name: x, joint: revolute}\n    - {name: x}\n", 7, "the name 'x', which comes 2 times"),
         ("ROWS    - {joint: revolute, mass: 2}\n", 7, "dh.rows[0].mass: a mass of 2 kg without a body"),
         ("ROWS    - {joint: revolute, mass: 2, centre: [0, 0, 0]}\n", 7, "mass alone, or all three"),

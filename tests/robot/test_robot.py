@@ -8,6 +8,7 @@ import pytest
 from optiplan.errors import InputError, UnknownChoiceError
 from optiplan.robot import loaded_robots
 from optiplan.robot import robot as robot_module
+from optiplan.robot.frames import with_tool_of
 from optiplan.robot.loaded_robots import LoadedRobots
 from optiplan.robot.robot import load_robot, robot_file, robot_names
 from tests.robot.robots import TWO, chain, joint, write_robot
@@ -153,6 +154,9 @@ def test_named_groups(tmp_path):
     assert "unknown group 'bakc'; expected one of: front, back (did you mean 'back'?)" in issues_of(
         write_robot(tmp_path, TWO, text + "group: bakc\n")
     )
+    named = load_robot(str(write_robot(tmp_path, TWO, "groups: {None: [j1], back: [j2]}\ntool_frames: {None: a}\n")))
+    assert with_tool_of(named, "None", ["j2"]).tool_frame == "a"
+    assert with_tool_of(named, None, ["j2"]) is named
 
 
 @pytest.mark.parametrize(

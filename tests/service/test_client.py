@@ -2,6 +2,7 @@
 
 import json
 import time
+from pathlib import Path
 
 import httpx
 import numpy as np
@@ -246,6 +247,15 @@ def test_the_command_line_plans_on_a_server(server, quick, tmp_path, capsys):
     assert command(["plan", str(quick), "--server", "http://127.0.0.1:9"]) == 2
     assert "no server answers" in capsys.readouterr().err
     assert command(["plan", str(quick), "--server", server.url, "--planner", "all"]) == 2
+    capsys.readouterr()
+    urdf = Path(__file__).parents[2] / "examples" / "my_arm.urdf"
+    (tmp_path / "robot.yaml").write_text(f"version: 1\nname: arm\nurdf: {urdf}\n")
+    here = tmp_path / "here.yaml"
+    here.write_text("version: 1\nrobot: robot.yaml\nstart: {joints: [0, 0, 0]}\ngoal: {joints: [0.1, 0, 0]}\n")
+    assert command(["plan", str(here), "--server", server.url]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith(f"{here} at {server.url}: robot: ")
+    assert "robot.yaml: outside the folders that may be read; expected" in err
 
 
 def free(server):

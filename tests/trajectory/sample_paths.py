@@ -3,7 +3,7 @@
 import numpy as np
 
 from optiplan.robot.robot import Limits
-from optiplan.trajectory.paths.corner_blends import blend_path
+from optiplan.trajectory.paths.corners import blend_path
 from optiplan.trajectory.trajectory import Trajectory
 
 CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.5, -0.2], [1.2, 1.5, 0.4], [0.1, 1.0, 1.0]])

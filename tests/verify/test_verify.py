@@ -280,6 +280,15 @@ def test_reports_are_json(planar, swing):
     json.dumps(verify(problem_of(planar, swing, Scene()), swing).to_dict(), allow_nan=False)
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("min_interval", 0.0), ("max_queries", 0), ("jump_tolerance", float("nan")), ("torque_rate", 0.0)],
+)
+def test_a_number_of_the_policy_out_of_its_range_is_an_input_error(name, value):
+    with pytest.raises(InputError, match=name):
+        VerifyPolicy(**{name: value})
+
+
 def test_read_back_from_json_the_verdict_is_the_same(planar, swing):
     again = Trajectory.from_dict(json.loads(json.dumps(swing.to_dict(rate=100.0))))
     problem = problem_of(planar, swing, Scene())

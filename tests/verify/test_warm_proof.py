@@ -119,6 +119,15 @@ def test_a_body_inside_a_mesh_is_not_apart(tmp_path):
     assert not verdict.proved, verdict
 
 
+@pytest.mark.parametrize("breakpoints", [[0.0], [0.0, 0.0], [0.0, -1.0], [0.0, np.nan]])
+def test_a_curve_needs_pieces_that_last(breakpoints):
+    problem = op.Problem("planar2r", [0.1, 0.2], [0.1, 0.2])
+    proof, b, c = WarmProof(problem)._core, np.array(breakpoints), np.zeros((len(breakpoints) - 1, 1, 2))
+    for prove in (lambda: proof.limits(b, c, np.zeros((3, 2))), lambda: proof.apart(b, c, 0.0)):
+        with pytest.raises(ValueError, match="breakpoints"):
+            prove()
+
+
 @pytest.mark.parametrize("spoil", ["start", "step", "end", "jerk", "nan"])
 def test_a_motion_that_is_none_is_refused(spoil):
     problem = among_bodies("panda", 4, 1)

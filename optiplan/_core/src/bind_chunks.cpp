@@ -22,8 +22,11 @@ using namespace nb::literals;
 namespace {
 
 Curve curve_of(const Vector &breakpoints, const Stack &coefficients, int joints) {
-    expect(breakpoints.size() == coefficients.shape(0) + 1 && coefficients.shape(1) > 0 && coefficients.shape(1) <= 16,
+    const std::size_t pieces = coefficients.shape(0);
+    expect(pieces > 0 && breakpoints.size() == pieces + 1 && coefficients.shape(1) > 0 && coefficients.shape(1) <= 16,
            "breakpoints (m + 1,), coefficients (m, degree + 1, n), of degree 15 at most");
+    for (std::size_t i = 0; i < pieces; ++i)
+        expect(breakpoints.data()[i] < breakpoints.data()[i + 1], "breakpoints that rise");
     expect(static_cast<int>(coefficients.shape(2)) == joints && joints <= 64, "the joints of the robot, 64 at most");
     return {to_vector(breakpoints), to_vector(coefficients), static_cast<int>(coefficients.shape(1)) - 1, joints};
 }
@@ -55,13 +58,12 @@ void expect_chunk(const Matrix &state, const Matrix &Q, const Matrix &limits) {
 }
 
 // The spline and its stop: breakpoints, coefficients, and where the stop begins, s.
-nb::tuple chunk_curve(const Matrix &state, const Matrix &Q, const Vector &times, bool rests, const Matrix &limits,
-                      double share) {
+nb::tuple chunk_curve(const Matrix &state, const Matrix &Q, const Vector &times, bool rests, const Matrix &limits) {
     expect_chunk(state, Q, limits);
     expect(times.size() == Q.shape(0) && times.data()[0] > 0.0, "times (k,) > 0");
     const ChunkSpline spline(to_vector(times), rests);
     Curve curve = spline.curve(spline.through(state_of(state), Q.data()), Q.shape(1));
-    if (!rests) append_stop(curve, limits_of(limits), share);
+    if (!rests) append_stop(curve, limits_of(limits));
     return arrays_of(std::move(curve));
 }
 
@@ -71,10 +73,10 @@ nb::tuple stop_curve(const Matrix &state, const Matrix &limits, double share) {
 }
 
 // A motion, and the stop after its end.
-nb::tuple with_stop(const Vector &breakpoints, const Stack &coefficients, const Matrix &limits, double share) {
+nb::tuple with_stop(const Vector &breakpoints, const Stack &coefficients, const Matrix &limits) {
     Curve curve = curve_of(breakpoints, coefficients, static_cast<int>(limits.shape(1)));
     expect(curve.degree == 3, "coefficients (m, 4, n)");
-    append_stop(curve, limits_of(limits), share);
+    append_stop(curve, limits_of(limits));
     return arrays_of(std::move(curve));
 }
 
@@ -85,7 +87,7 @@ nb::ndarray<nb::numpy, double> timed(const Matrix &state, const Matrix &Q, const
     return to_numpy(std::move(found), {count});
 }
 
-// Everything that is proved of a motion.
+// Everything that is proved of a motion. Not for two threads at once: other threads go on during a proof.
 struct MotionProof {
     IntervalProof intervals;
     TorqueProof torques;
@@ -157,14 +159,24 @@ nb::tuple prove_limits(const MotionProof &self, const Vector &breakpoints, const
 
 nb::tuple prove_torques(MotionProof &self, const Vector &breakpoints, const Stack &coefficients) {
     if (!self.limits_torque) return nb::make_tuple(-1, 0.0, 0.0);
-    const auto o = self.torques.overload(curve_of(breakpoints, coefficients, self.joints()), self.torque);
+    const Curve curve = curve_of(breakpoints, coefficients, self.joints());
+    TorqueProof::Overload o;
+    {
+        nb::gil_scoped_release release;
+        o = self.torques.overload(curve, self.torque);
+    }
     return nb::make_tuple(o.joint, o.time, o.value);
 }
 
 nb::tuple prove_apart(MotionProof &self, const Vector &breakpoints, const Stack &coefficients, double clearance) {
     IntervalRules rules;
     rules.clearance[1] = clearance;
-    const Verdict v = self.intervals.prove(curve_of(breakpoints, coefficients, self.joints()), rules);
+    const Curve curve = curve_of(breakpoints, coefficients, self.joints());
+    Verdict v;
+    {
+        nb::gil_scoped_release release;
+        v = self.intervals.prove(curve, rules);
+    }
     return nb::make_tuple(v.pair, v.time, v.distance, v.touches, v.least[0], v.least[1], v.intervals, v.queries);
 }
 
@@ -190,21 +202,20 @@ std::unique_ptr<Nearest> make_nearest(MotionProof &proof, const Matrix &state, c
 // without a solution None.
 std::optional<nb::tuple> nearest_step(Nearest &self, double distance, double clearance, double window, double width) {
     IntervalProof &proof = self.proof.intervals;
-    const double share = 1.0;
-    auto near = near_places(proof.world(), proof.placement(), self.chunk.curve(share), window + clearance, width);
+    auto near = near_places(proof.world(), proof.placement(), self.chunk.curve(), window + clearance, width);
     for (NearPlace &place : near)
         if (proof.kind(place.pair)) place.distance -= clearance;
     if (!self.chunk.step(near, distance)) return std::nullopt;
-    return arrays_of(self.chunk.curve(share));
+    return arrays_of(self.chunk.curve());
 }
 
 }  // namespace
 
 void bind_chunks(nb::module_ &m) {
-    m.def("chunk_curve", &chunk_curve, "state"_a, "Q"_a, "times"_a, "rests"_a, "limits"_a, "share"_a = 1.0);
+    m.def("chunk_curve", &chunk_curve, "state"_a, "Q"_a, "times"_a, "rests"_a, "limits"_a);
     m.def("chunk_times", &timed, "state"_a, "Q"_a, "limits"_a);
-    m.def("with_stop", &with_stop, "breakpoints"_a, "coefficients"_a, "limits"_a, "share"_a = 1.0);
-    m.def("stop_curve", &stop_curve, "state"_a, "limits"_a, "share"_a = 1.0);
+    m.def("with_stop", &with_stop, "breakpoints"_a, "coefficients"_a, "limits"_a);
+    m.def("stop_curve", &stop_curve, "state"_a, "limits"_a, "share"_a);
     nb::class_<MotionProof>(m, "MotionProof")
         .def_static("of", &make_proof, "world"_a, "kinds"_a, "kept"_a, "limits"_a, "armature"_a)
         .def("move", &move, "body"_a, "pose"_a)

@@ -110,27 +110,31 @@ struct Asked {
 
 std::unique_ptr<Asked> make_asked(const PlaneProof &proof, const Vector &breakpoints, const Stack &coefficients,
                                   const Matrix &jump, const Indices &piece, const Vector &middle, const Vector &half,
-                                  const Indices &first_pair, const Indices &pairs) {
+                                  const Indices &common, const Indices &first_more, const Indices &more) {
     const std::size_t pieces = coefficients.shape(0), n = proof.planned(), count = piece.size();
     expect(breakpoints.size() == pieces + 1 && coefficients.shape(1) > 0 && coefficients.shape(1) <= 16 &&
                coefficients.shape(2) == n && jump.shape(0) == pieces && jump.shape(1) == n,
            "breakpoints (m + 1,), coefficients (m, degree + 1, n), of degree 15 at most, jump (m, n)");
-    expect(middle.size() == count && half.size() == count && first_pair.size() == count + 1,
+    expect(middle.size() == count && half.size() == count && first_more.size() == count + 1,
            "middles, half widths and pairs of all intervals");
+    const auto pair_at = [&](const Indices &pairs, std::size_t i) {
+        expect(pairs.data()[i] >= 0 && pairs.data()[i] < static_cast<std::int64_t>(proof.pairs()), "pairs");
+        return static_cast<int>(pairs.data()[i]);
+    };
     auto asked = std::make_unique<Asked>();
     asked->motion = {to_vector(breakpoints), to_vector(coefficients), to_vector(jump),
                      static_cast<int>(coefficients.shape(1)) - 1};
     ProvedIntervals &made = asked->intervals;
+    for (std::size_t i = 0; i < common.size(); ++i) made.common.push_back(pair_at(common, i));
     for (std::size_t k = 0; k < count; ++k) {
         std::vector<int> own;
         expect(piece.data()[k] >= 0 && piece.data()[k] < static_cast<std::int64_t>(pieces), "pieces");
         made.piece.push_back(static_cast<int>(piece.data()[k]));
-        for (std::int64_t i = first_pair.data()[k]; i < first_pair.data()[k + 1]; ++i) {
-            expect(i >= 0 && i < static_cast<std::int64_t>(pairs.size()), "pairs of intervals");
-            expect(pairs.data()[i] >= 0 && pairs.data()[i] < static_cast<std::int64_t>(proof.pairs()), "pairs");
-            own.push_back(static_cast<int>(pairs.data()[i]));
+        for (std::int64_t i = first_more.data()[k]; i < first_more.data()[k + 1]; ++i) {
+            expect(i >= 0 && i < static_cast<std::int64_t>(more.size()), "pairs of intervals");
+            own.push_back(pair_at(more, static_cast<std::size_t>(i)));
         }
-        made.pairs.push_back(std::move(own));
+        made.more.push_back(std::move(own));
     }
     made.middle = to_vector(middle), made.half = to_vector(half);
     return asked;
@@ -147,11 +151,29 @@ nb::tuple told(PlaneVerdict found) {
                           to_numpy(std::move(found.left_pair), {left}), found.intervals, found.queries);
 }
 
-nb::tuple prove(PlaneProof &self, const Asked &asked, const Vector &rules, const Vector &measured, int most) {
+// Other threads go on meanwhile, and may ask the same object: each call works with a copy.
+template <typename Call> nb::tuple on_a_copy(const PlaneProof &proof, const Call &call) {
+    PlaneProof own = proof;
+    PlaneVerdict found;
+    {
+        nb::gil_scoped_release release;
+        found = call(own);
+    }
+    return told(std::move(found));
+}
+
+nb::tuple scan(const PlaneProof &self, const Asked &asked, double clearance) {
+    return on_a_copy(self, [&](PlaneProof &own) { return own.scan(asked.motion, asked.intervals, clearance); });
+}
+
+nb::tuple prove(const PlaneProof &self, const Asked &asked, const Vector &rules, const Vector &measured,
+                int most_intervals, int most_queries) {
     expect(rules.size() == 6 && measured.size() == 2, "rules (6,), measured (2,)");
     const double *r = rules.data();
-    const PlaneRules made{r[0], r[1], r[2], {r[3], r[4]}, r[5], most};
-    return told(self.prove(asked.motion, asked.intervals, made, measured.data()));
+    expect(r[5] > 0.0, "a shortest interval > 0");
+    const PlaneRules made{r[0], r[1], r[2], {r[3], r[4]}, r[5], most_intervals, most_queries};
+    const double known[2] = {measured.data()[0], measured.data()[1]};
+    return on_a_copy(self, [&](PlaneProof &own) { return own.prove(asked.motion, asked.intervals, made, known); });
 }
 
 // Bounds over K intervals, of which motion (5, K, n) are bounds.
@@ -182,14 +204,9 @@ void bind_verify(nb::module_ &m) {
                     "parts"_a)
         .def("placed", &placed, "poses"_a)
         .def("motion", &make_asked, "breakpoints"_a, "coefficients"_a, "jump"_a, "piece"_a, "middle"_a, "half"_a,
-             "first_pair"_a, "pairs"_a)
-        .def(
-            "scan",
-            [](PlaneProof &self, const Asked &asked, double clearance) {
-                return told(self.scan(asked.motion, asked.intervals, clearance));
-            },
-            "motion"_a, "clearance"_a)
-        .def("prove", &prove, "motion"_a, "rules"_a, "measured"_a, "most"_a);
+             "common"_a, "first_more"_a, "more"_a)
+        .def("scan", &scan, "motion"_a, "clearance"_a)
+        .def("prove", &prove, "motion"_a, "rules"_a, "measured"_a, "most_intervals"_a, "most_queries"_a);
 }
 
 }  // namespace optiplan

@@ -148,8 +148,10 @@ class DaskCluster:
         task, bundles = self._running[future]
         try:
             answer = future.result(timeout=HAND_OVER)
-        except TimeoutError:  # its worker was lost before the transfer: the run is repeated
-            self._done.put(future)
+        except TimeoutError as error:
+            if future.status == "error":  # the task's own, as of a file system
+                raise self._lost(error) from error
+            self._done.put(future)  # its worker was lost before the transfer: the run is repeated
             return
         except KilledWorker as error:
             answer = Outcome(Row(**empty_row(task) | failure(LOST, str(error))))

@@ -8,7 +8,7 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -16,9 +16,10 @@ from typing import Any
 
 from optiplan import cache
 from optiplan.bench.execution.robot_cache import RobotCache
-from optiplan.bench.results.records import BenchProblem
+from optiplan.bench.results.records import CHANGED, BenchProblem
 from optiplan.errors import OptiPlanError
-from optiplan.problem.hashing import shape_files_of
+from optiplan.files import read_bytes, reading
+from optiplan.problem.hashing import problem_hash, shape_files_of
 from optiplan.robot.robot import robot_names
 
 SCHEME = "travel://"
@@ -42,6 +43,11 @@ class BundleContents:
     home: str
     files: Mapping[str, bytes]
 
+    @property
+    def digest(self) -> str:
+        """Hash of the files, by which the bundle is known; its home does not count."""
+        return cache.digest(part for path, content in self.files.items() for part in (path.encode(), content))
+
 
 class Packer:
     """Pack the problems of a suite; each robot and mesh is read once and kept by hash, not by content."""
@@ -55,13 +61,20 @@ class Packer:
         """Return the problem with bundles in place of files; shipped robots stay names.
 
         Raises:
-            TravelError: a robot that cannot be loaded from its files alone.
+            TravelError: a robot that cannot be loaded from its files alone, or files that are not the suite's any more.
         """
+        with reading():  # the hash is of the same bytes as the bundles
+            return self._packed(problem)
+
+    def _packed(self, problem: BenchProblem) -> BenchProblem:
         data: dict[str, Any] = deepcopy(dict(problem.data))
         if isinstance(data["robot"], dict):
             raise TravelError(
                 f"the robot of {problem.id} stands in the problem itself; give it a robot.yaml of its own"
             )
+        robot = self._robots(data["robot"], None, data.get("locked"), data.get("group"))
+        if problem_hash(data, Path("/"), robot) != problem.hash:
+            raise TravelError(f"{problem.id}: {CHANGED}")
         if data["robot"] not in robot_names():
             data["robot"] = self._robot(data["robot"])
         for mesh in shape_files_of(data):
@@ -71,8 +84,7 @@ class Packer:
 
     def bundle_contents(self, digest: str) -> BundleContents:
         """Return the files of a bundle."""
-        home, paths = self._bundles[digest]
-        return BundleContents(str(home), {str(path.relative_to(home)): path.read_bytes() for path in paths})
+        return _read(*self._bundles[digest])
 
     def _robot(self, ref: str) -> str:
         """Pack a robot and check that it loads from its bundle alone."""
@@ -80,7 +92,8 @@ class Packer:
         robot = self._robots(ref)
         paths = tuple(dict.fromkeys(Path(os.path.normpath(path)) for path in robot.files))
         common = Path(os.path.commonpath([path.parent for path in paths]))
-        home = common.parents[min(LEVELS, len(common.parents)) - 1] if common.parents else common
+        below_root = [common, *common.parents][:-1] or [common]
+        home = below_root[min(LEVELS, len(below_root) - 1)]
         packed = self._bundle(ref, home, paths) + str(robot.source.relative_to(home))
         if not known:
             keep(self._digests[ref], self.bundle_contents(self._digests[ref]))
@@ -92,9 +105,7 @@ class Packer:
 
     def _bundle(self, ref: str, home: Path, paths: tuple[Path, ...]) -> str:
         if ref not in self._digests:
-            parts = [part for path in paths for part in (str(path.relative_to(home)).encode(), path.read_bytes())]
-            digest = cache.digest(parts)
-            self._digests[ref] = digest
+            digest = self._digests[ref] = _read(home, paths).digest
             self._bundles[digest] = (home, paths)
         return f"{SCHEME}{self._digests[ref]}/"
 
@@ -105,7 +116,13 @@ def lacking(problem: BenchProblem) -> set[str]:
 
 
 def keep(digest: str, bundle_contents: BundleContents) -> None:
-    """Store a bundle in the cache atomically."""
+    """Store a bundle in the cache atomically.
+
+    Raises:
+        TravelError: its files are not those of the digest: they were changed after the problem was packed.
+    """
+    if bundle_contents.digest != digest:
+        raise TravelError(f"{', '.join(bundle_contents.files)} in {bundle_contents.home}: {CHANGED}")
     folder = _folder(f"{SCHEME}{digest}/")
     folder.parent.mkdir(parents=True, exist_ok=True)
     fresh = Path(tempfile.mkdtemp(dir=folder.parent))
@@ -120,12 +137,21 @@ def keep(digest: str, bundle_contents: BundleContents) -> None:
 
 
 def unpack_files(problem: BenchProblem) -> BenchProblem:
-    """Return the problem with files in place of bundles, which are all cached."""
+    """Return the problem with files in place of bundles, which are all cached.
+
+    It has no hash then: paths in its robot's files are others here, and the bundles are known by theirs.
+    """
+    if not any(_refs(problem.data)):
+        return problem
     data: dict[str, Any] = deepcopy(dict(problem.data))
     data["robot"] = _unpacked(data["robot"])
     for mesh in shape_files_of(data):
         mesh["file"] = _unpacked(mesh["file"])
-    return replace(problem, data=data)
+    return replace(problem, data=data, hash="")
+
+
+def _read(home: Path, paths: Iterable[Path]) -> BundleContents:
+    return BundleContents(str(home), {str(path.relative_to(home)): read_bytes(path) for path in paths})
 
 
 def _refs(data: Mapping[str, Any]) -> Iterator[str]:
@@ -146,5 +172,5 @@ def _folder(ref: str) -> Path:
 
 def _settled(content: bytes, home: str, folder: Path) -> bytes:
     """Replace absolute paths below the original folder by paths below the new one."""
-    pattern = rb"([\"'\s>]|file://)" + re.escape(home.rstrip("/").encode()) + b"/"
+    pattern = rb"([\"'\s>]|file://)" + re.escape(home.rstrip("/").encode()) + rb"/(?=[^\s>])"  # `/>` is no root folder
     return re.sub(pattern, rb"\g<1>" + str(folder).encode().replace(b"\\", rb"\\") + b"/", content)

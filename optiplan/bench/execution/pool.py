@@ -11,6 +11,8 @@ from optiplan.bench.results.records import BenchTask, Outcome
 
 PATIENCE = 5.0
 """s that a slot has to end its run."""
+LOOK = 0.05
+"""s between two looks whether the slots have ended."""
 
 
 class Workforce(Protocol):
@@ -42,7 +44,7 @@ class LocalPool:
         self._stop = threading.Event()
         self._lock = threading.Lock()
         self._slots = [WorkerSlot(f"local/{index}", self._stop, pinned[index]) for index in range(workers)]
-        self._done: queue.Queue[Outcome | BaseException | None] = queue.Queue(4 * workers + 4)
+        self._done: queue.Queue[Outcome | BaseException] = queue.Queue(4 * workers + 4)
 
     @property
     def starting(self) -> float:
@@ -59,16 +61,18 @@ class LocalPool:
         threads = [threading.Thread(target=self._serve, args=(slot, shared), daemon=True) for slot in self._slots]
         for thread in threads:
             thread.start()
-        ended = 0
         try:
-            while ended < len(threads):
-                item = self._done.get()
-                if item is None:
-                    ended += 1
-                elif isinstance(item, BaseException):
+            while True:
+                working = any(thread.is_alive() for thread in threads)  # before the look: what they put is there then
+                try:
+                    item = self._done.get(timeout=LOOK if working else 0.0)
+                except queue.Empty:
+                    if working:
+                        continue
+                    return
+                if isinstance(item, BaseException):
                     raise item
-                else:
-                    yield item
+                yield item
         finally:  # also where an outcome cannot be stored: what planners started ends with their slot
             self.close()
             for thread in threads:
@@ -93,10 +97,9 @@ class LocalPool:
             self._put(error)
         finally:
             slot.close()
-            self._put(None)
 
-    def _put(self, item: Outcome | BaseException | None) -> None:
-        """Put an outcome into the queue, unless stopped."""
+    def _put(self, item: Outcome | BaseException) -> None:
+        """Put an outcome into the queue; once stopped, only where there is room."""
         while True:
             try:
                 return self._done.put(item, timeout=0.1)

@@ -15,7 +15,16 @@ from optiplan.bench.execution import machine
 from optiplan.bench.execution.code_version import own_digest, planner_code
 from optiplan.bench.execution.executed import executed, only_wanted
 from optiplan.bench.execution.robot_cache import RobotCache
-from optiplan.bench.results.records import BenchPlanner, BenchProblem, BenchTask, Outcome, Row, empty_row, failure
+from optiplan.bench.results.records import (
+    CHANGED,
+    BenchPlanner,
+    BenchProblem,
+    BenchTask,
+    Outcome,
+    Row,
+    empty_row,
+    failure,
+)
 from optiplan.cache import MostRecent
 from optiplan.errors import OptiPlanError, PlannerAnswerError
 from optiplan.planners.base import Budget
@@ -67,7 +76,7 @@ class TaskExecutor:
             cpu = processor_time()
             options, budget = task.planner.options, Budget(task.budget)
             done = run(problem.with_seed(task.seed), task.planner.name, options, budget, lambda stage, part: None)
-            stored, blob = hash_and_pack(done.trajectory)
+            stored, packed = hash_and_pack(done.trajectory)
             columns = result_columns(done, task.metrics) | {"trajectory": stored}
             columns["cut_short"] |= done.trajectory is None and done.timings["plan"] >= task.budget - reserve(
                 task.budget
@@ -79,7 +88,7 @@ class TaskExecutor:
             if columns["executed"] is not None:
                 spent["execute"] = time.perf_counter() - began_execution
             json.dumps([columns, spent], allow_nan=False)  # a planner's info may not be storable
-            row, timings = row | columns, spent
+            row, timings, blob = row | columns, spent, packed
         except PlannerAnswerError as error:
             row |= failure("bug", str(error))
         except OptiPlanError as error:
@@ -87,7 +96,6 @@ class TaskExecutor:
         except MemoryError:
             row |= failure("out-of-memory", "an allocation was refused")
         except BaseException as error:  # SystemExit and KeyboardInterrupt can only come from the planner
-            blob = None
             what = traceback.format_exception_only(error)[-1].strip()
             row |= failure("bug", what, {"traceback": traceback.format_exc(limit=-8)})
         row |= {"cpu_time": processor_time() - cpu, "wall_time": time.perf_counter() - began}
@@ -95,7 +103,9 @@ class TaskExecutor:
 
     def _load(self, problem: BenchProblem, timings: dict[str, Any]) -> Problem:
         began = time.perf_counter()
-        found = self._problems.get(problem.hash, lambda: problem_from_dict(problem.data, "/", self._robots))
+        found = self._problems.get(problem.id, lambda: problem_from_dict(problem.data, "/", self._robots))
+        if problem.hash and problem.hash != found.hash:
+            raise OptiPlanError(CHANGED)
         timings["load"] = time.perf_counter() - began
         return found
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from optiplan.bench.execution.machine import machine
 from optiplan.bench.execution.pool import Workforce
 from optiplan.bench.results.database import FILE, Store
-from optiplan.bench.results.growth import grown, grown_code
+from optiplan.bench.results.growth import grown, grown_code, suite_runs, suites_of
 from optiplan.bench.results.records import Outcome
 from optiplan.bench.suite.suite import Suite, code_differences, hash_of_parts, suite_differences
 from optiplan.errors import InputError, Issue, OptiPlanError
@@ -58,7 +58,10 @@ def open_results(suite: Suite, folder: Path, add: bool = False) -> Store:
         meta |= {"parts": suite.parts, "code": suite.code}
         store = Store.create(folder, meta)
     try:
+        suites, asked = suites_of(store), suite_runs(suite.parts)
         (_grow if add else _check)(store, suite)
+        if asked not in suites:
+            store.set_meta("suites", [*suites, asked])
         store.fill(suite.problems, suite.planners)
     except BaseException:
         store.close()
@@ -141,6 +144,9 @@ def run_suite(suite: Suite, store: Store, workforce: Workforce, label: str, watc
         summary = Summary(suite.size, found, made)
         how = "complete" if summary.complete else "interrupted"
         return summary
+    except KeyboardInterrupt:
+        how = "interrupted"
+        raise
     finally:
         workforce.close()
         if how != "failed":  # where storing failed, storing why would fail, too

@@ -48,6 +48,8 @@ def figures(analysis: Analysis) -> list[Figure]:
         shown = {figure.name for figure in FIGURES}
         if analysis.common <= 1:
             shown -= {"profile-time", "profile-duration"}
+        if not np.isfinite(analysis.runs.plan_time[analysis.runs.verified]).any():  # imported runs may tell none
+            shown -= {"success-over-time", "planning-time", "profile-time"}
         if not any(np.isfinite(ratio).any() for _, ratio in analysis.quality.curves):
             shown -= {"quality-over-time"}
         found += [figure for figure in FIGURES[1:] if figure.name in shown]

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from optiplan.bench.report.analysis import Analysis, PlannerNumbers
 from optiplan.bench.report.tables.cells import number, percent
 from optiplan.bench.results.database import Store
+from optiplan.bench.results.growth import expected_runs
 
 BROKEN = ("timeout", "out-of-memory", "crashed", "bug", "bad-input")
 """How kinds of failures begin that tell of a fault, not of a hard problem."""
@@ -31,9 +32,12 @@ def cards(analysis: Analysis) -> list[Card]:
     if best > 0.0 and len(planners) > 1 and analysis.common:
         times = [(one.plan_time.median.value, one.quickest, one) for one in planners]
         ratios = [(one.ratio.median.value, one.shortest, one) for one in planners]
-        found.append(_by_median("Quickest to plan", "s", "first", times))
-        if not all(math.isnan(median) for median, *_ in ratios):  # robots that need not move have no bound
-            found.append(_by_median("Shortest motions", "× bound", "shortest", ratios))
+        for words, scored in (
+            (("Quickest to plan", "s", "first"), times),
+            (("Shortest motions", "× bound", "shortest"), ratios),
+        ):  # imported runs may tell no time, and robots that need not move have no bound
+            if not all(math.isnan(median) for median, *_ in scored):
+                found.append(_by_median(*words, scored))
     return found
 
 
@@ -72,7 +76,7 @@ def facts(store: Store, analysis: Analysis) -> str:
     """Return the size of the suite in one line."""
     runs = analysis.runs
     verified = percent(float(runs.verified.mean())) if runs.size else "0 %"
-    expected = _expected(store, analysis)
+    expected = expected_runs(store)
     of_all = f"{runs.size} of {expected}" if expected != runs.size else f"{runs.size}"
     return f"{len(runs.problems)} problems × {len(runs.planners)} planners: {of_all} runs, {verified} verified"
 
@@ -80,7 +84,7 @@ def facts(store: Store, analysis: Analysis) -> str:
 def warnings(store: Store, analysis: Analysis) -> list[str]:
     """Return what limits the validity of the report."""
     runs, found = analysis.runs, []
-    expected = _expected(store, analysis)
+    expected = expected_runs(store)
     if runs.size < expected:
         found.append(f"Not complete: {expected - runs.size} of {expected} runs are missing.")
     broken = sum(any(str(kind).startswith(word) for word in BROKEN) for kind in runs.kind)
@@ -97,12 +101,3 @@ def warnings(store: Store, analysis: Analysis) -> list[str]:
         if len({json.dumps(one, sort_keys=True) for one in kept}) > 1:
             found.append(f"The runs were made on several {what}: their times are not of one kind.")
     return found
-
-
-def _expected(store: Store, analysis: Analysis) -> int:
-    """Return the number of runs of the suite, or of the suites that are shown together."""
-    together = store.meta("expected", None)
-    if together is not None:
-        return int(together)
-    suite = store.meta("parts")
-    return len(analysis.runs.problems) * len(analysis.runs.planners) * len(suite["seeds"]) * int(suite["repetitions"])

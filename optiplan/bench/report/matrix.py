@@ -89,10 +89,11 @@ def chosen_problems(analysis: Analysis) -> list[str]:
     share = np.where(count > 0.0, share / np.maximum(count, 1.0), np.nan)
     some = (count > 0.0).any(axis=1, keepdims=True)
     spread = np.nanstd(np.where(some, share, 0.0), axis=1)
-    ratios = np.zeros(len(runs.problems))
-    known = runs.verified & np.isfinite(runs.ratio)
-    np.maximum.at(ratios, runs.problem[known], np.log(runs.ratio[known]))
-    order = np.lexsort((np.arange(len(spread)), -ratios, -np.round(spread, 6)))
+    longest, shortest = (np.full(len(runs.problems), end) for end in (-np.inf, np.inf))
+    known = runs.verified & (runs.duration > 0.0)
+    np.maximum.at(longest, runs.problem[known], np.log(runs.duration[known]))
+    np.minimum.at(shortest, runs.problem[known], np.log(runs.duration[known]))
+    order = np.lexsort((np.arange(len(spread)), shortest - longest, -np.round(spread, 6)))
     kept = sorted(int(k) for k in order[:MOST_PROBLEMS])
     return [runs.problems[k] for k in kept]
 

@@ -87,7 +87,8 @@ def _median(ratio: Array, problem: Indices, seed: int) -> Interval:
     if len(ratio) == 0:
         return Interval(float("nan"), float("nan"), float("nan"))
     found = median_interval(np.minimum(ratio, NEVER), seed, problem)
-    return Interval(*(np.inf if value > 0.4 * NEVER else value for value in found))
+    # Medians and ends of intervals lie between two values, so they may take a small part of NEVER.
+    return Interval(*(np.inf if value > 1e-3 * NEVER else value for value in found))
 
 
 def _curve(count: int, run: Indices, seconds: Array, ratio: Array) -> tuple[Array, Array]:

@@ -1,9 +1,12 @@
 """Best known durations: tables of the shortest verified motion of each problem, with the recipe that makes it again."""
 
 import csv
+import fcntl
 import io
 import json
-from collections.abc import Iterable, Mapping
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
@@ -86,12 +89,13 @@ class BestKnownTable:
 
     def write(self) -> None:
         """Write the file whole or not at all, with what others wrote into it meanwhile."""
-        self._take_file()
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(_NAMES)
-        writer.writerows(astuple(row) for row in self.rows())
-        write_text(self.path, text.getvalue())
+        with _alone_in(Path(os.path.realpath(self.path)).parent):
+            self._take_file()
+            text = io.StringIO()
+            writer = csv.writer(text, lineterminator="\n")
+            writer.writerow(_NAMES)
+            writer.writerows(astuple(row) for row in self.rows())
+            write_text(self.path, text.getvalue())
 
 
 @dataclass(frozen=True)
@@ -140,6 +144,19 @@ WHERE runs.verified AND runs.duration IS NOT NULL ORDER BY problems.position, pl
 """
 
 _NAMES = tuple(field.name for field in fields(BestKnown))
+
+
+@contextmanager
+def _alone_in(folder: Path) -> Iterator[None]:
+    """Wait while another process writes a table into the folder; the lock on the folder leaves no file behind."""
+    folder.mkdir(parents=True, exist_ok=True)
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
 
 
 def _read(path: Path) -> Iterable[BestKnown]:

@@ -252,7 +252,7 @@ class Store:
             self.session = self._db.execute(sql, values).lastrowid
 
     def end(self, how: str) -> None:
-        """End the session: `complete`, `interrupted` or `failed`; one that was killed has no end."""
+        """End the session: `complete` or `interrupted`; one that failed or was killed has no end."""
         with self._transaction():
             self._db.execute("UPDATE sessions SET ended_at = ?, how = ? WHERE session = ?", (now(), how, self.session))
 

@@ -78,7 +78,7 @@ def write_metrics(store: Store, folder: Path) -> list[Path]:
     `eef_position_path_length` (m), `eef_orientation_path_length` (degrees), `collision` (with obstacles or itself),
     `joint_limit_violation`, `attempts`, and the `problem`. `imported.py` reads the same form.
     """
-    written = []
+    written: list[Path] = []
     for (label,) in store.query("SELECT label FROM planners ORDER BY position"):
         sets: dict[str, list[dict[str, Any]]] = {}
         sql = "SELECT runs.* FROM runs JOIN problems ON problems.id = runs.problem WHERE planner = ? AND repetition = 0"
@@ -86,6 +86,8 @@ def write_metrics(store: Store, folder: Path) -> list[Path]:
         for row in store.query(f"{sql} {first}", (label,)):
             sets.setdefault(row["set_name"], []).append(_metrics(row))
         path = folder / "robometrics" / f"{label.replace(':', '_').replace('/', '_')}.json"
+        while path in written:  # of `a:b` and `a_b`
+            path = path.with_stem(f"{path.stem}_")
         write_text(path, json.dumps(sets, indent=1))
         written.append(path)
     return written

@@ -8,6 +8,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,9 @@ WHICH = "started_at, worker, plan_time, duration, trajectory"
 
 Parts = Mapping[str, Any]
 """`Suite.parts` or `Suite.code`."""
+
+SuiteRuns = list[list[Any]]
+"""Problems, planners, seeds and repetitions of a suite, JSON-ready."""
 
 
 def grown(old: Parts, new: Parts) -> tuple[dict[str, Any], list[str]]:
@@ -47,6 +51,22 @@ def grown_code(old: Parts | None, new: Parts | None) -> tuple[dict[str, Any], li
         return dict(new or old or {}), [] if old == new else ["code: not recorded in one of them"]
     together = {**old, "planners": {**old["planners"], **new["planners"]}}
     return together, code_differences(old, new)
+
+
+def suite_runs(parts: Parts) -> SuiteRuns:
+    """The runs of a suite: its problems, planners, seeds and repetitions, every one with every other."""
+    return [*(list(parts[part]) for part in ("problems", "planners", "seeds")), list(range(parts["repetitions"]))]
+
+
+def suites_of(store: Store) -> list[SuiteRuns]:
+    """The runs of every suite that a folder holds results of."""
+    return store.meta("suites", None) or [suite_runs(store.meta("parts"))]
+
+
+def expected_runs(store: Store) -> int:
+    """Number of runs of the suites of a folder, or of the folders that are shown together."""
+    shown = store.meta("expected", None)
+    return len({key for suite in suites_of(store) for key in product(*suite)}) if shown is None else int(shown)
 
 
 def merge_results(folders: Sequence[Path], into: Path) -> Store:
@@ -74,6 +94,7 @@ def merge_results(folders: Sequence[Path], into: Path) -> Store:
         suites = [str(store.meta("suite")) for store in stores]
         meta: dict[str, Any] = {"name": " + ".join(names), "suite": "\n---\n".join(dict.fromkeys(suites))}
         meta |= {"suite_hash": hash_of_parts(parts), "parts": parts, **({"code": code} if code else {})}
+        meta |= {"suites": [runs for store in stores for runs in suites_of(store)], "best_known": _best_known(stores)}
         with Store.filled(into, meta) as target:
             for store in stores:
                 target.absorb(store, {})
@@ -147,13 +168,14 @@ def _meta(stores: Sequence[Store], parts: Parts, notes: list[str]) -> dict[str, 
     names = dict.fromkeys(str(store.meta("name")) for store in stores)
     suites = [f"# {store.folder}\n{store.meta('suite')}" for store in stores]
     meta = {"name": " + ".join(names), "suite": "\n".join(suites), "suite_hash": "", "parts": parts}
-    return {**meta, "notes": list(dict.fromkeys(notes)), "expected": sum(map(_expected, stores))}
+    meta |= {"best_known": _best_known(stores)}
+    return {**meta, "notes": list(dict.fromkeys(notes)), "expected": sum(map(expected_runs, stores))}
 
 
-def _expected(store: Store) -> int:
-    """Number of runs of a store's suite."""
-    parts = store.meta("parts")
-    return len(parts["problems"]) * len(parts["planners"]) * len(parts["seeds"]) * int(parts["repetitions"])
+def _best_known(stores: Sequence[Store]) -> dict[str, float]:
+    """The shortest duration of each problem that a store was held against, s."""
+    every = [known for store in stores for known in store.meta("best_known", {}).items()]
+    return dict(sorted(every, key=lambda known: -known[1]))  # of one problem the shortest comes last, and stays
 
 
 def _absorbed(target: Store, store: Store, labels: Mapping[str, str]) -> Source:

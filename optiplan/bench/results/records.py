@@ -29,6 +29,9 @@ RunFailureKind = Literal[
 * `failed`, `not verified here`: of results from elsewhere, by their authors' own account.
 """
 
+CHANGED = "its robot or its meshes were changed since the suite was read: run it into another folder"
+"""Why a run is not made with the files that are there now."""
+
 
 @dataclass(frozen=True)
 class BenchProblem:
@@ -38,7 +41,7 @@ class BenchProblem:
         id: unique in the suite, `<set>/<name>`.
         set_name: the set it belongs to.
         difficulty: label; None without one.
-        hash: `Problem.hash`, the identity of its content.
+        hash: `Problem.hash`, the identity of its content; empty where its files came from another machine.
         data: content of a problem file, with absolute paths to meshes and to a robot that is not shipped.
         origin: where it came from.
     """

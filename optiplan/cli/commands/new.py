@@ -48,7 +48,8 @@ def new(
 ) -> int:
     """Ask for a robot and a goal, and write a first problem, with the schema for editors beside it.
 
-    The proposed goal is one that the robot reaches. The tool keeps the orientation that it has at the start.
+    The proposed goal is one that the robot reaches; one out of reach is refused. The tool keeps the orientation that it
+    has at the start.
 
     [bold]Examples[/]
 
@@ -58,7 +59,7 @@ def new(
 
     Exit code: 0 written · 2 the file exists, or an answer is wrong.
     """
-    from optiplan.cli.first_problem import first_problem, proposed_goal, start_of
+    from optiplan.cli.first_problem import first_problem, proposed_goal, reached, start_of
     from optiplan.robot.robot import load_robot
 
     if file.exists():
@@ -70,9 +71,13 @@ def new(
     proposed = proposed_goal(loaded, start)
     offered = ",".join(f"{x:g}" for x in proposed)
     said = goal or (typer.prompt("Where should the tool go? x,y,z in m", default=offered) if ask else offered)
+    point = _point(said)
+    if said != offered and (missed := reached(loaded, start, point)).nearest is not None:
+        expected = f"a point that the tool reaches as it is turned at the start, such as {offered}"
+        raise InputError([Issue("new", None, "--goal", f"'{said}': {missed.reason}", expected)])
     reference = str(loaded.reference.robot)  # a name, or the path of the robot.yaml, which stands relative to the file
     name = chosen if reference == chosen else os.path.relpath(reference, file.parent.resolve())
-    text = first_problem(loaded, name, start, _point(said), file.stem, SCHEMA)
+    text = first_problem(loaded, name, start, point, file.stem, SCHEMA)
     if not (beside := file.parent / SCHEMA).exists():
         schema(beside)
     write_text(file, text)

@@ -195,7 +195,7 @@ def _run(
     chosen, options = choose(path, problem, planner)
     options = {**options, **more}
     if server:
-        return _run_there(server, problem, chosen, options, seconds)
+        return _run_there(server, path, problem, chosen, options, seconds)
     with stdout_is_ours(), progress:
         try:
             return pipeline.answer(problem, chosen, options, Budget(seconds, progress.cancel), progress)
@@ -225,7 +225,7 @@ def _bound(run: Any, seconds: float | None, cancel: Event) -> Any:
         return None
 
 
-def _run_there(server: str, problem: Any, planner: str, options: Any, seconds: float) -> Any:
+def _run_there(server: str, path: Path, problem: Any, planner: str, options: Any, seconds: float) -> Any:
     """Have a server plan; the motion is verified here."""
     from optiplan.service.client import Client
 
@@ -233,8 +233,11 @@ def _run_there(server: str, problem: Any, planner: str, options: Any, seconds: f
         there = Client(server, os.environ.get("OPTIPLAN_TOKEN", "").strip())
     except InputError as error:
         raise error.about("op.Client", "--server") from None
-    with there as client, stdout_is_ours():
-        return client.plan(problem, planner, options, budget=seconds)
+    try:
+        with there as client, stdout_is_ours():
+            return client.plan(problem, planner, options, budget=seconds)
+    except InputError as error:
+        raise error.about("problem.yaml", f"{path} at {server}") from None
 
 
 def _finish(run: Any, out: Path | None, as_json: bool, full: bool, *, interrupted: bool) -> int:

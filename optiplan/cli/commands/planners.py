@@ -75,7 +75,7 @@ def _print_options(entry: Any) -> None:
     results().print(f"[bold]{escape(entry.name)}[/]: {escape(entry.summary)}")
     for option in entry.option_list():
         results().print(f"  [bold]{option.name}[/]: {escape(option.kind)}, default {escape(_yaml(option.default))}")
-        results().print(Padding(escape(option.meaning), (0, 0, 0, 6)))
+        results().print(Padding(escape(option.meaning), (0, 0, 0, 6), expand=False))
 
 
 def _yaml(value: Any) -> str:

@@ -26,6 +26,7 @@ RATE = "set-points per second (default: the driver's)"
 ENGINE = "of sim: mujoco, own or ideal (default: mujoco where it is installed)"
 SECONDS = f"seconds of wall time for planning and proof (default: {BUDGET:g})"
 PLANNER = "instead of the file's; see: planners"
+TABLE = "of the driver file: the table, which is replaced (default: set_points.csv)"
 DEVIATION = "rad or m: a measured joint farther from the path ends in a stop"
 PATIENCE = "seconds: a set-point that comes as late as this ends in a stop"
 DISTANCE = above_zero("a number above 0, rad or m")
@@ -39,7 +40,7 @@ def run(
     override: Annotated[float, typer.Option(min=0.0, max=1.0, metavar="X", help="speed, 0 to 1")] = 1.0,
     engine: Annotated[str | None, typer.Option(metavar="NAME", help=ENGINE)] = None,
     host: Annotated[str | None, typer.Option(metavar="HOST", help="of ros2_control and ur_rtde")] = None,
-    to: Annotated[Path | None, typer.Option("--to", metavar="FILE", help="of the driver file: the table")] = None,
+    to: Annotated[Path | None, typer.Option("--to", metavar="FILE", help=TABLE)] = None,
     deviation: Annotated[float, typer.Option(callback=DISTANCE, metavar="D", help=DEVIATION)] = 0.05,
     view: Annotated[bool, typer.Option("--view", help=VIEW)] = False,
     patience: Annotated[float, typer.Option(callback=positive, metavar="S", help=PATIENCE)] = 0.01,

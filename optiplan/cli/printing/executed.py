@@ -32,6 +32,8 @@ def show_execution(console: Console, done: Mapping[str, Any]) -> None:
     if report.get("slipped"):
         table.add_row("simulation", f"{report['slipped']:.3g} s slower than real time")
     console.print(table, markup=False)
+    if "file" in report:
+        console.print(f"written: {report['file']}", markup=False, soft_wrap=True)
 
 
 def _verdict(done: Mapping[str, Any]) -> tuple[str, str]:

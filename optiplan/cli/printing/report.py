@@ -77,7 +77,8 @@ def show_report(console: Console, report: Report, full: bool = False, title: str
         console.print(f"note: {note}", markup=False, style="dim")
     passed = len(report.checks) - len(report.failures)
     if not full and passed:
-        console.print(f"{passed} checks passed (all of them: --full)", markup=False, style="dim")
+        checks = "check" if passed == 1 else "checks"
+        console.print(f"{passed} {checks} passed (all of them: --full)", markup=False, style="dim")
 
 
 def _table(checks: Sequence[Check]) -> Table:

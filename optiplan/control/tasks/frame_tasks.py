@@ -189,8 +189,7 @@ class PositionTask(_HalfOfPose):
         frame: name of F.
         target: point [x, y, z], m, or a pose; None: where F is in the first step.
         cost: per metre, one or three.
-        gain: 1/s, however far the target is; None: as large as the robot's jerk limits allow, and less where the target
-            is so far that the robot could not slow down in time.
+        gain: as of `PoseTask`.
         priority: see `ControlTask`.
     """
 
@@ -226,8 +225,7 @@ class OrientationTask(_HalfOfPose):
         frame: name of F.
         target: R_WT (3, 3), [roll, pitch, yaw], or a pose; None: as F is in the first step.
         cost: per radian, one or three.
-        gain: 1/s, however far the target is; None: as large as the robot's jerk limits allow, and less where the target
-            is so far that the robot could not slow down in time.
+        gain: as of `PoseTask`.
         priority: see `ControlTask`.
     """
 

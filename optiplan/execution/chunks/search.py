@@ -24,7 +24,7 @@ SAME = 1e-9
 """rad or m, or s: set-points or times that are no farther apart are one."""
 
 HUGE = 1e5
-"""rad or m: set-points beyond are numbers gone wrong."""
+"""rad or m, or s: set-points and times beyond are numbers gone wrong."""
 
 DISTANCES = (1e-3, 2e-3, 4e-3)
 """m, beyond the clearance: what the nearest chunk keeps between samples, tried in this order."""
@@ -109,9 +109,10 @@ class ChunkSearch:
             return f"set-point {row} has {self.Q[row, joint]} for '{self.problem.robot.joint_names[joint]}'"
         if self.given is None:
             return ""
-        if not np.isfinite(self.given).all() or self.given[0] < 0.0:
-            k = int(np.argmin(np.isfinite(self.given) & (self.given >= 0.0)))
-            return f"set-point {k} is at time {self.given[k]} s"
+        possible: Flags = (self.given >= 0.0) & (self.given <= HUGE)
+        if not possible.all():
+            k = int(np.argmin(possible))
+            return f"set-point {k} is at time {self.given[k]} s, not from 0 to {HUGE:.0f} s"
         late = np.flatnonzero(np.diff(self.given) <= SAME)
         if len(late):
             k = int(late[0])

@@ -46,6 +46,11 @@ class FileDriver:
         columns = [f"{kind} {name}" for kind in ("q", "v", "a", "torque") for name in self._names]
         self._rows.writerow(["t", *columns])
 
+    @property
+    def report(self) -> dict[str, str]:
+        """The `file` that holds the set-points."""
+        return {"file": str(self._path if self._done else self._partial)}
+
     def capabilities(self) -> Capabilities:
         """A file measures nothing, and waits."""
         return Capabilities("file", self._names, self._rate, ("position", "velocity", "torque"), waits=True)

@@ -77,7 +77,8 @@ class SeenScene:
             self.people.see(name, None, time)
             return ""
         elif name not in known:
-            return f"update_scene: found an obstacle {described(name)}; expected one of: {', '.join(sorted(known))}"
+            expected = f"one of: {', '.join(sorted(known))}" if known else "an obstacle, as none is known yet"
+            return f"update_scene: found an obstacle {described(name)}; expected {expected}"
         else:
             shape, X_WO = known[name], None if place is None else pin.SE3(place.matrix)
         if self.people is not None and self._is_person(name):

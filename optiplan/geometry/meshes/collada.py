@@ -149,7 +149,7 @@ def _rotation(values: Array) -> Array:
     return np.asarray(np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K))
 
 
-def _indices(group: ET.Element, item: ET.Element | None) -> Triangles:
+def _indices(group: ET.Element, item: ET.Element | None = None) -> Triangles:
     """Return the vertex indices of a <p>, without the other inputs of its corners."""
     offsets = {entry.get("semantic"): int(entry.get("offset", "0")) for entry in group.findall("input")}
     step, mine = max(offsets.values(), default=0) + 1, offsets.get("VERTEX", 0)
@@ -159,33 +159,49 @@ def _indices(group: ET.Element, item: ET.Element | None) -> Triangles:
     return values.reshape(-1, step)[:, mine]
 
 
+def _only(group: ET.Element) -> Triangles:
+    """Return the vertex indices of the <p> of a group that has one."""
+    lists = group.findall("p")
+    if len(lists) > 1:
+        raise MeshError(f"<{group.tag}> with {len(lists)} <p>")
+    return _indices(group, *lists)
+
+
+def _all(group: ET.Element) -> list[Triangles]:
+    """Return the vertex indices of each <p> of a group."""
+    lists = group.findall("p")
+    if len(lists) != int(group.get("count", len(lists))):
+        raise MeshError(f"<{group.tag}> of {group.get('count')} with {len(lists)} <p>")
+    return [_indices(group, item) for item in lists]
+
+
 def _triangles(group: ET.Element) -> list[list[int]]:
-    indices = _indices(group, group.find("p"))
+    indices = _only(group)
     if len(indices) != 3 * int(group.get("count", "-1")):
         raise MeshError(f"{len(indices)} corners of {group.get('count')} triangles")
     return [list(map(int, corners)) for corners in indices.reshape(-1, 3)]
 
 
 def _polylist(group: ET.Element) -> list[list[int]]:
-    indices = _indices(group, group.find("p"))
+    indices = _only(group)
     counts = whole_numbers((group.findtext("vcount") or "").split()).tolist()
     if sum(counts) != len(indices) or min(counts, default=0) < 0 or len(counts) != int(group.get("count", "-1")):
         raise MeshError(f"a <polylist> of {len(counts)} polygons with {len(indices)} corners")
-    return [list(map(int, corners)) for corners in np.split(indices, np.cumsum(counts)[:-1])]
+    return [list(map(int, corners)) for corners in np.split(indices, np.cumsum(counts, dtype=np.int64))[:-1]]
 
 
 def _polygons(group: ET.Element) -> list[list[int]]:
     if group.find("ph") is not None:
         raise MeshError("a polygon with holes")
-    return [list(map(int, _indices(group, item))) for item in group.findall("p")]
+    return [list(map(int, corners)) for corners in _all(group)]
 
 
 def _strips(group: ET.Element) -> list[list[int]]:
-    return [corners for item in group.findall("p") for corners in strip(_indices(group, item))]
+    return [corners for indices in _all(group) for corners in strip(indices)]
 
 
 def _fans(group: ET.Element) -> list[list[int]]:
-    return [corners for item in group.findall("p") for corners in fan(_indices(group, item))]
+    return [corners for indices in _all(group) for corners in fan(indices)]
 
 
 POLYGONS: Mapping[str, Callable[[ET.Element], list[list[int]]]] = {

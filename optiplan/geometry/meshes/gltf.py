@@ -26,9 +26,10 @@ def read_glb(content: bytes) -> Soup:
     size, kind = int.from_bytes(content[12:16], "little"), content[16:20]
     if kind != b"JSON" or 20 + size > len(content) or int.from_bytes(content[8:12], "little") != len(content):
         raise MeshError("a GLB file that is cut off")
-    data = content[28 + size :]
+    data = b""
     if len(content) > 20 + size:
         length, kind = int.from_bytes(content[20 + size : 24 + size], "little"), content[24 + size : 28 + size]
+        data = content[28 + size : 28 + size + length]
         if kind != b"BIN\0" or length > len(data):
             raise MeshError(f"a GLB file whose second part is {length} bytes of {kind!r} where its data are meant")
     try:
@@ -103,17 +104,20 @@ class _Gltf:
         if accessor.get("type") != kind or "sparse" in accessor or "bufferView" not in accessor:
             raise MeshError(f"an accessor of {accessor.get('type')} that is sparse, without data, or not {kind}")
         view = self.entry("bufferViews", int(accessor["bufferView"]))
-        if "uri" in self.entry("buffers", int(view["buffer"])):
-            raise MeshError("a GLB file whose data lie in another file")
+        if int(view["buffer"]) != 0 or "uri" in self.entry("buffers", 0):
+            raise MeshError("a GLB file whose data lie elsewhere than in its second part")
         component = np.dtype(COMPONENTS[int(accessor["componentType"])])
         if (component.kind == "f") != (kind == "VEC3"):
             raise MeshError(f"{kind} of components {accessor['componentType']}")
-        count, start = int(accessor["count"]), int(view.get("byteOffset", 0)) + int(accessor.get("byteOffset", 0))
+        count, start = int(accessor["count"]), int(accessor.get("byteOffset", 0))
         stride = int(view.get("byteStride", width * component.itemsize))
         end = start + (count - 1) * stride + width * component.itemsize
-        if count < 1 or start < 0 or stride < width * component.itemsize or end > len(self.data):
-            raise MeshError(f"an accessor of {count} values from byte {start} in {len(self.data)} bytes")
-        return np.ndarray((count, width), component, self.data, start, (stride, component.itemsize)).copy()
+        first, length = int(view.get("byteOffset", 0)), int(view["byteLength"])
+        if count < 1 or start < 0 or stride < width * component.itemsize or end > length:
+            raise MeshError(f"an accessor of {count} values from byte {start} in {length} bytes")
+        if first < 0 or first + length > len(self.data):
+            raise MeshError(f"{length} bytes from byte {first} in {len(self.data)} bytes")
+        return np.ndarray((count, width), component, self.data, first + start, (stride, component.itemsize)).copy()
 
 
 def _gltf_pose(node: dict[str, Any]) -> Array:

@@ -52,6 +52,8 @@ def read_ply(content: bytes) -> Soup:
     corners = face.get("vertex_indices", face.get("vertex_index"))
     if corners is None or "tristrips" in tables:
         raise MeshError("a PLY file whose faces have no vertex_indices")
+    if not all(float(index).is_integer() for polygon in corners for index in polygon):
+        raise MeshError("a PLY file whose vertex_indices are no whole numbers")
     return Soup(vertices, triangulate(vertices, [[int(index) for index in polygon] for polygon in corners]))
 
 

@@ -40,7 +40,7 @@ KINDS: dict[Kind, _Formats] = {
     "octree": _Formats(OCTREE_FORMATS, (".bt", ".ot")),
 }
 
-VERSION = 2
+VERSION = 3
 """Increase it when a reader returns other arrays for the same file, or refuses it."""
 
 SECONDS, MEMORY = 5, 3 * 2**30

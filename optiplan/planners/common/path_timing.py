@@ -51,7 +51,7 @@ def within_torque(robot: Robot, limits: Limits, trajectory: Trajectory) -> Traje
 
 
 def _blend(model: CollisionModel, waypoints: Array, limits: Limits, budget: Budget) -> Trajectory | None:
-    from optiplan.trajectory.paths.corner_blends import blend_path
+    from optiplan.trajectory.paths.corners import blend_path
     from optiplan.trajectory.timing.time_path import TimingOptions, time_path
 
     fractions = np.ones(len(waypoints) - 2)

@@ -1,13 +1,18 @@
-"""Steps of a task that are planned: events, motions, and motions of several steps in one go."""
+"""Steps of a task that are planned: events, motions, motions of several steps in one go, and all as one motion."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from optiplan.planners.path_constraints.tool_limits import tool_limits
 from optiplan.planners.task.blends import Corner
 from optiplan.planners.task.stages import Stage, WorldState
+from optiplan.problem.problem import Problem
 from optiplan.problem.task.steps import Attach, ChangeTool, Detach, StraightLine, TaskStep
+from optiplan.trajectory.joining import join_trajectories, standstill, with_resting_joints
+from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.timing.path_constraints import ToolLimits
+from optiplan.trajectory.tolerances import SHORTEST_DURATION
 from optiplan.trajectory.trajectory import Trajectory
 
 
@@ -110,3 +115,32 @@ def object_and_link(planned: PlannedStep) -> tuple[str, str]:
     if isinstance(action, Detach):
         return action.body, next(held.link for held in planned.before.scene.attached if held.name == action.body)
     return "", ""
+
+
+def joined_parts(problem: Problem, parts: Sequence[TaskPart]) -> Trajectory:
+    """Join parts, each at rest at both ends, to one motion of all joints, with its segments."""
+    motions: list[Trajectory] = []
+    segments: list[Segment] = []
+    begin = 0.0
+    for part in parts:
+        q = part.steps[0].before.q
+        if isinstance(part, Stretch):
+            motions.append(with_resting_joints(part.motion, part.steps[0].stage.columns, problem.robot.joint_names, q))
+        elif part.duration > 0.0:
+            motions.append(standstill(problem.robot.joint_names, q, part.duration))
+        since = begin
+        for planned, end in zip(part.steps, part.ends, strict=True):
+            step, held = planned.step, object_and_link(planned)
+            segments.append(Segment(step.number, step.kind, step.name, since, begin + end, *held))
+            since = begin + end
+        begin = since
+    if not motions:
+        return standing_still(problem, [planned.step for part in parts for planned in part.steps], segments)
+    return replace(join_trajectories(motions), segments=tuple(segments))
+
+
+def standing_still(problem: Problem, steps: Sequence[TaskStep], segments: Sequence[Segment]) -> Trajectory:
+    """Return the motion of steps in which nothing moves: the last one that is no event takes the shortest time."""
+    T, last = SHORTEST_DURATION, max((k for k, step in enumerate(steps) if not step.event), default=len(steps))
+    timed = [replace(one, begin=T * (k > last), end=T * (k >= last)) for k, one in enumerate(segments)]
+    return replace(standstill(problem.robot.joint_names, problem.start, T), segments=tuple(timed))

@@ -12,9 +12,8 @@ from optiplan.planners.common.incumbent import Incumbent
 from optiplan.planners.task.alternatives import plan_alternatives
 from optiplan.planners.task.beside import one_after_another, quickest_beside
 from optiplan.planners.task.join_steps import join_steps
-from optiplan.planners.task.joined import joined_parts
 from optiplan.planners.task.optimisation.stretch_optimiser import optimised
-from optiplan.planners.task.planned_steps import Group, Pause, Stretch, TaskPart
+from optiplan.planners.task.planned_steps import Group, Pause, Stretch, TaskPart, joined_parts
 from optiplan.planners.task.rides.in_time import TaskInTime, in_time
 from optiplan.planners.task.sections import SectionPlanner
 from optiplan.planners.task.stops import stops_of

@@ -6,18 +6,19 @@ from typing import Any
 
 from optiplan.planners.base import Budget, Failure, Planner, Progress, stages_of
 from optiplan.planners.common.context import Stopwatch
+from optiplan.planners.common.failures import path_too_heavy
 from optiplan.planners.seams.seam_search import FoundSeam, SeamSearch
 from optiplan.planners.task.chains import of_step
 from optiplan.planners.task.planned_steps import Pause, PlannedMotion, PlannedStep, Stretch, TaskPart
 from optiplan.planners.task.search import TaskSearch
 from optiplan.planners.task.stages import Stages, WorldState
-from optiplan.planners.task.timed_step import timed_step
 from optiplan.planners.tours.search import FoundTour, TourSearch
 from optiplan.problem.problem import Problem, derived
 from optiplan.problem.seams.actions import Passing, SeamPath
 from optiplan.problem.seams.seam_steps import seam_steps
 from optiplan.problem.task.steps import Dwell, TargetTour, TaskStep
 from optiplan.problem.task.tour_steps import tour_steps
+from optiplan.trajectory.timing.time_path import TimingOptions, time_path
 
 _TOUR = 0.9
 """Share of the remaining time that the last section may take if it is a tour; the rest joins steps and parts."""
@@ -176,3 +177,19 @@ def _parts_of_path(
         planned.append(PlannedMotion(own, state, after, stages.at(state, own, path.joints), found.motion))
         state = after
     return [*parts, Stretch(tuple(planned), found.motion, tuple(ends))]
+
+
+def timed_step(planned: PlannedStep, budget: Budget) -> TaskPart | Failure:
+    """Return a step from rest to rest; a line is timed within the limits of joints and tool."""
+    if not isinstance(planned, PlannedMotion):
+        action = planned.step.action
+        return Pause(planned, action.seconds if isinstance(action, Dwell) else 0.0)
+    if not planned.is_line:
+        return Stretch.of(planned, planned.curve)
+    problem, path = planned.stage.problem, planned.curve
+    options = TimingOptions(None, planned.tool_limits, stop=lambda: budget.over)
+    motion = time_path(path, problem.robot, problem.limits, options)
+    if motion is None:
+        heavy = path_too_heavy(problem.robot, problem.limits, path)
+        return of_step(heavy, planned.step, planned.before, problem.robot, planned.stage)
+    return Stretch.of(planned, motion)

@@ -108,6 +108,11 @@ class Attempts:
         each = self.watch.seconds.get("optimisation", 0.0) / max(steps, 1)
         return self.budget.leaving(_CLOSE_STEPS * each) if steps else self.budget
 
+    @property
+    def over(self) -> bool:
+        """Whether no more than the time to refine the waiting curve is left."""
+        return self.before_refining.over
+
     def free_end(self) -> None:
         """Optimise the best curve once more with its end free in the goal that it is in, where that may gain."""
         curve = self.incumbent.curve

@@ -12,8 +12,7 @@ from optiplan.planners.trajopt.attempts import Attempts
 from optiplan.planners.trajopt.coarse_descents import CoarseCurve
 from optiplan.planners.trajopt.curve_incumbent import CurveIncumbent
 from optiplan.planners.trajopt.path_search import PathSearch
-from optiplan.planners.trajopt.stopping_rule import SAME, EndsInVain, Patience
-from optiplan.problem.problem import Problem
+from optiplan.planners.trajopt.stopping_rule import SAME, EndsInVain
 
 _SEARCH = 0.1
 """Work, s, of a search for a path to one end."""
@@ -51,33 +50,21 @@ class EndSearch:
 
         Path constraints exclude it: coarse curves ignore them.
         """
-        if self._problem.one_end or self._problem.path_constraints:
+        if self.paths.problem.one_end or self.paths.problem.path_constraints:
             return
-        while self._incumbent.candidates and not self._over:
+        while self._incumbent.candidates and not self.attempts.over:
             end = self._next()
             self._incumbent.info["ends"] = {"known": len(self._ends), "tried": self._record.tried}
             if end is None:
                 return
-            before, began = self._incumbent.cost, self._patience.seconds
+            before, began = self._incumbent.cost, self.attempts.patience.seconds
             self._tries[end.tobytes()] += 1
             self._try(end)
-            self._record.record(self._patience.seconds - began, SAME * self._incumbent.cost < before)
+            self._record.record(self.attempts.patience.seconds - began, SAME * self._incumbent.cost < before)
 
     @property
     def _incumbent(self) -> CurveIncumbent:
         return self.attempts.incumbent
-
-    @property
-    def _problem(self) -> Problem:
-        return self.paths.problem
-
-    @property
-    def _patience(self) -> Patience:
-        return self.attempts.patience
-
-    @property
-    def _over(self) -> bool:
-        return self.attempts.before_refining.over
 
     def _next(self) -> Array | None:
         """Return the end (n,) to try next: the least bound among the least tried; None if none is worth it."""
@@ -86,24 +73,24 @@ class EndSearch:
             self._surveyed = incumbent.cost
             with self.attempts.watch.stage("goals"):
                 self._ends = self._survey()
-        bounds = self._problem.lower_bounds(self._ends) if self._ends else np.zeros(0)
+        bounds = self.paths.problem.lower_bounds(self._ends) if self._ends else np.zeros(0)
         worth: list[tuple[int, int]] = []
         for k, (end, bound) in enumerate(zip(self._ends, bounds, strict=True)):
             least, tries = incumbent.cost_bound(float(bound)), self._tries[end.tobytes()]
-            if self._patience.worth_an_end(incumbent.cost, least, tries, self._record):
+            if self.attempts.patience.worth_an_end(incumbent.cost, least, tries, self._record):
                 worth.append((tries, k))
         return self._ends[min(worth)[1]] if worth else None
 
     def _survey(self) -> list[Array]:
         """Return the ends (n,) with a bound below the best motion: the branches' ends, then others apart from them."""
         incumbent = self._incumbent
-        nearest = self.sampler.nearest_ends(incumbent.longest, lambda: self._over)
+        nearest = self.sampler.nearest_ends(incumbent.longest, lambda: self.attempts.over)
         known = [*nearest, *self.paths.promising(self.sampler)]
         ends: list[Array] = []
         for q in known:
-            if all(are_distinct(q, other, self._problem.limits) for other in ends):
+            if all(are_distinct(q, other, self.paths.problem.limits) for other in ends):
                 ends.append(q)
-        bounds = self._problem.lower_bounds(ends) if ends else np.zeros(0)
+        bounds = self.paths.problem.lower_bounds(ends) if ends else np.zeros(0)
         if len(bounds) and bounds.min() < incumbent.soonest:
             incumbent.bounded(float(bounds.min()))
         return ends
@@ -121,7 +108,7 @@ class EndSearch:
 
     def _curves(self, end: Array) -> Iterator[CoarseCurve | None]:
         """Yield the optimised coarse curves to an end."""
-        basis, start, rough = self.attempts.optimiser.basis, self._problem.start, self._incumbent.rough
+        basis, start, rough = self.attempts.optimiser.basis, self.paths.problem.start, self._incumbent.rough
         curve, still = self._incumbent.curve, np.zeros((2, len(start)))
         yield self.paths.coarse.from_curve(self.attempts.optimiser.along(np.array([start, end])), rough)
         if curve is not None:

@@ -325,7 +325,7 @@ class _Run:
 
     def _should_continue(self) -> bool:
         """Return whether the budget and `Patience` allow another attempt; a path that was found is optimised."""
-        if self.attempts.before_refining.over:
+        if self.attempts.over:
             self.info["cut_short"] = True
             return False
         due = self.paths.found is not None and not self.incumbent.within(self.options.good_enough)

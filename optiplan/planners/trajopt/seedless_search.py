@@ -13,7 +13,7 @@ from optiplan.planners.trajopt.curve_incumbent import CurveIncumbent
 from optiplan.planners.trajopt.optimizer import Attempt
 from optiplan.planners.trajopt.path_search import PathSearch
 from optiplan.planners.trajopt.stopping_rule import SAME, EndsInVain, Patience
-from optiplan.problem.problem import Problem, derived
+from optiplan.problem.problem import derived
 
 _STREAM = 0
 """Seed of all its random numbers."""
@@ -60,7 +60,7 @@ class SeedlessSearch:
     def run(self) -> None:
         """Search once, as soon as there is a motion far above the bound; not on path constraints."""
         found = self.attempts.incumbent
-        if self._done or not found.candidates or self._problem.one_end or self._problem.path_constraints:
+        if self._done or not found.candidates or self.paths.problem.one_end or self.paths.problem.path_constraints:
             return
         if found.within(_NEAR):
             return
@@ -68,13 +68,13 @@ class SeedlessSearch:
         if not self._begin():
             return
         record, budget = EndsInVain(), self.attempts.budget
-        while not self._over and self._patience.seconds < _SHARE * budget.seconds:
+        while not self.attempts.over and self._own.patience.seconds < _SHARE * budget.seconds:
             own, ends = self._own.incumbent, self._survey()
-            if not ends or (own.candidates and not self._patience.worth_an_end(own.cost, own.bound, 0, record)):
+            if not ends or (own.candidates and not self._own.patience.worth_an_end(own.cost, own.bound, 0, record)):
                 break
-            before, began = own.cost, self._patience.seconds
+            before, began = own.cost, self._own.patience.seconds
             self._round(ends, record.tried)
-            record.record(self._patience.seconds - began, SAME * own.cost < before)
+            record.record(self._own.patience.seconds - began, SAME * own.cost < before)
         found.info["ways"] = {"rounds": record.tried, "compared": len(self._tried) + len(self._curves)}
         curve = self._own.incumbent.curve
         if curve is not None and found.offer_curve(curve):
@@ -85,7 +85,7 @@ class SeedlessSearch:
 
         Return whether an end was found.
         """
-        run, problem = self.attempts, derived(self._problem, seed=_STREAM)
+        run, problem = self.attempts, derived(self.paths.problem, seed=_STREAM)
         patience = Patience(run.budget, run.patience.good_enough)
         info = {"attempts": run.incumbent.info["attempts"], "cut_short": False}
         kept, silent = run.incumbent, lambda stage, share: None
@@ -96,21 +96,9 @@ class SeedlessSearch:
             sampler = goal_sampler(problem, run.optimiser.model, run.budget)
         if isinstance(sampler, Failure):
             return False
-        sampler.more(1, lambda: self._over)
+        sampler.more(1, lambda: self.attempts.over)
         self._sampler = sampler
         return True
-
-    @property
-    def _problem(self) -> Problem:
-        return self.paths.problem
-
-    @property
-    def _patience(self) -> Patience:
-        return self._own.patience
-
-    @property
-    def _over(self) -> bool:
-        return self.attempts.before_refining.over
 
     def _round(self, ends: list[Array], number: int) -> None:
         """Find some guesses for ends (n,), and optimise the most promising one apart from earlier ones."""
@@ -118,10 +106,10 @@ class SeedlessSearch:
         single = [ends[number % len(ends)]]
         found: list[CoarseCurve | None] = []
         for goals in (single, ends):
-            found.append(None if self._over else self._searches.toward(self._sampler, goals, _SEARCH))
-        drawn = self._sampler.within(incumbent.longest, _LINES, lambda: self._over)
+            found.append(None if self.attempts.over else self._searches.toward(self._sampler, goals, _SEARCH))
+        drawn = self._sampler.within(incumbent.longest, _LINES, lambda: self.attempts.over)
         for end in [*single, *drawn]:
-            line = self.attempts.optimiser.along(np.array([self._problem.start, end]))
+            line = self.attempts.optimiser.along(np.array([self.paths.problem.start, end]))
             found.append(self._searches.coarse.from_curve(line, incumbent.rough))
         self._curves += [curve for curve in found if curve is not None]
         self._optimise_best()
@@ -133,15 +121,15 @@ class SeedlessSearch:
             self._surveyed = incumbent.cost
             with self.attempts.watch.stage("goals"):
                 if incumbent.candidates:
-                    self._sampler.nearest_ends(incumbent.longest, lambda: self._over)
+                    self._sampler.nearest_ends(incumbent.longest, lambda: self.attempts.over)
             self._ends = self._searches.promising(self._sampler)
             if self._ends:
-                incumbent.bounded(float(self._problem.lower_bounds(self._ends).min()))
+                incumbent.bounded(float(self.paths.problem.lower_bounds(self._ends).min()))
         return self._ends
 
     def _optimise_best(self) -> None:
         """Optimise the shortest coarse curve apart from those tried, where it is short enough."""
-        incumbent, limits = self._own.incumbent, self._problem.limits
+        incumbent, limits = self._own.incumbent, self.paths.problem.limits
         self._curves.sort(key=lambda curve: curve.duration)
         while self._curves and incumbent.cost_bound(self._curves[0].duration) < _PROMISING * incumbent.rough:
             control = self._curves.pop(0).control

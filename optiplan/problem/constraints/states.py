@@ -38,6 +38,13 @@ class BrokenConstraint:
         self._pairs = NamedPairs(robot, scene, one.pairs) if isinstance(one, PairClearance) else None
         self._allowed = scene.allowed
 
+    @property
+    def decided_by_an_end(self) -> bool:
+        """Whether stated joint values decide it: endless joints also end whole turns away, where couplings differ."""
+        if not isinstance(self._one, JointCoupling):
+            return True
+        return not any(self._robot.endless[self._robot.joint_names.index(name)] for name in self._one.joints)
+
     def unchecked(self) -> list[tuple[int, str]]:
         """Return which of the named pairs nothing can hold apart, and why."""
         if self._pairs is None or not isinstance(self._one, PairClearance):

@@ -13,7 +13,7 @@ from optiplan.problem.grasps.antipodal import graspable, grasps, gripper_in_fram
 from optiplan.problem.grasps.places import unbounded
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.schema import AXES, RegionSpec
-from optiplan.problem.schema.grasps import GraspsSpec
+from optiplan.problem.schema.task import GraspsSpec
 from optiplan.robot.robot import Robot
 
 _ACROSS = 1e-6

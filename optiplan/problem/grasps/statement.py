@@ -5,7 +5,7 @@ from typing import Any
 
 from optiplan.config.document import plain
 from optiplan.geometry.pose import checked
-from optiplan.problem.schema.grasps import GraspsSpec
+from optiplan.problem.schema.task import GraspsSpec
 
 
 @dataclass(frozen=True)

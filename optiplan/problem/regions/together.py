@@ -6,8 +6,8 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.geometry.poses import pose_error
+from optiplan.kinematics.ik.levenberg_marquardt import SeveralFrames
 from optiplan.kinematics.ik.numeric import joints_that_move
-from optiplan.kinematics.ik.several_frames import SeveralFrames
 from optiplan.problem.goals_and_vias import AllOfGoal, PoseGoal
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.sampling import RegionSampler

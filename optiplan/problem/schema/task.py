@@ -1,7 +1,7 @@
 """The schema of the steps of a task in a problem file."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
@@ -28,7 +28,6 @@ from optiplan.problem.schema.ends import (
     exactly_one,
     timed,
 )
-from optiplan.problem.schema.grasps import GraspsSpec
 from optiplan.problem.schema.scene import LARGEST_MASS, TOOL, WORLD, check_weight
 from optiplan.problem.schema.seam import SeamSpec
 from optiplan.problem.schema.tour import TourSpec
@@ -76,6 +75,22 @@ class StraightLineSpec(Strict):
         if self.pose is not None and (self.in_ != WORLD or self.frame is not None):
             raise ValueError("found `in` or `frame` of the line; expected `frame` of the pose")
         return self
+
+
+class GraspsSpec(Strict):
+    """Every grasp of an `object`, a box or a cylinder, by two parallel fingers that open to `opening`, m.
+
+    The fingers close along the axis `closing` of `frame` (default: the tool frame), whose origin is between their tips.
+    It goes `depth`, m, below the surface, to the middle of the object without it, at most 30 mm. `turns` directions are
+    tried about the axis of a cylinder.
+    """
+
+    object: Name
+    opening: Length
+    closing: Literal["x", "y", "z"] = "y"
+    depth: Length | None = None
+    turns: Annotated[Whole, Field(ge=1, le=72)] = 8
+    frame: Name | None = None
 
 
 class ApproachSpec(Strict):

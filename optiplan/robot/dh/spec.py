@@ -136,6 +136,8 @@ class DhSpec(DhPoseSpec):
     @model_validator(mode="after")
     def _angles_fit(self) -> Self:
         if self.unit == "rad":
+            for row in self.rows:
+                check_angles((row.alpha, row.theta), "unit: deg")
             links = (self.base, *self.rows, *self.links)
             posed: tuple[DhPoseSpec, ...] = (
                 self,
@@ -143,7 +145,7 @@ class DhSpec(DhPoseSpec):
                 *(body for link in links for body in link.geometry or ()),
             )
             for one in posed:
-                check_angles(one.rpy)
+                check_angles(one.rpy, "rpy_deg")
         return self
 
     def rotation(self, pose: DhPoseSpec) -> list[float]:

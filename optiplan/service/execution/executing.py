@@ -244,7 +244,8 @@ class Executing:
         taken = self._execution.splice(run)
         if taken:
             self._runs.append(run)
-        return {"taken": taken, "reason": "" if taken else self._execution.snapshot()["reason"]}
+        # the snapshot is that of the last tick, which may be from before
+        return {"taken": taken, "reason": "" if taken else self._executor.status.reason or "the execution is over"}
 
 
 def verified_run(read: Read, request: Mapping[str, Any]) -> Run:

@@ -35,8 +35,8 @@ PROVED_SHARE = 0.8
 FAR = 0.1
 """m: a larger clearance is not refined."""
 
-_MOST = 50_000
-"""Normals proposed, or intervals, after which the core gives up."""
+_MOST, _MOST_OF_INTERVAL = 50_000, 4
+"""Normals proposed, or intervals, after which the core gives up; of a long motion, this many of each interval given."""
 
 _MOST_DEGREE, _MOST_STEP = 15, 1e-6
 """Of polynomials that the core's buffers hold; rad or m, steps of position that its bounds are made for."""
@@ -114,17 +114,13 @@ class PlaneSearch:
             jump: (m, n) steps of position at the ends of its pieces.
             intervals: of time.
             pairs: (T,) to prove on all of them.
-            some: rows (K,) of intervals, and further pairs (K,) to prove there.
+            some: rows (K,) of intervals, rising, and further pairs (K,) to prove there.
         """
         few = trajectory.coefficients.shape[1] <= _MOST_DEGREE + 1 and jump.max(initial=0.0) <= _MOST_STEP
         if not (self.known and few):
             return None
         count, (rows, others) = len(intervals.piece), some
-        first = np.concatenate([[0], np.cumsum(len(pairs) + np.bincount(rows, minlength=count))])
-        asked = np.tile(pairs, count)
-        if len(rows):
-            each = np.concatenate([np.repeat(np.arange(count), len(pairs)), rows])
-            asked = np.concatenate([asked, others])[np.argsort(each, kind="stable")]
+        first = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=count))])
         widths = intervals.widths(trajectory)
         motion = self._core.motion(
             np.ascontiguousarray(trajectory.breakpoints),
@@ -133,8 +129,9 @@ class PlaneSearch:
             intervals.piece.astype(np.int64),
             np.ascontiguousarray((intervals.index + 0.5) * widths),
             0.5 * widths,
+            pairs.astype(np.int64),
             first.astype(np.int64),
-            asked.astype(np.int64),
+            others.astype(np.int64),
         )
         return PlanesAsked(self._core, self._top, motion, intervals)
 
@@ -175,8 +172,9 @@ class PlanesAsked:
             measured: (2,) the smallest distances known, m.
         """
         asked = np.array([policy.clearance, PROVED_SHARE, FAR, *cap, policy.min_interval])
+        most = max(_MOST, _MOST_OF_INTERVAL * len(self.intervals.piece))
         given_up, least, nearest, _, rows, pairs, intervals, queries = self.core.prove(
-            self.motion, asked, np.ascontiguousarray(measured), min(_MOST, policy.max_queries)
+            self.motion, asked, np.ascontiguousarray(measured), most, min(most, policy.max_queries)
         )
         if given_up:
             return None

@@ -170,6 +170,22 @@ def test_a_client_whose_thread_starts_late_is_tried_again(late, answer, monkeypa
             DaskCluster("tcp://127.0.0.1:9")
 
 
+def test_a_task_that_ends_with_a_timeout_of_its_own_is_not_waited_for(monkeypatch):
+    class Failed:
+        status = "error"
+
+        def result(self, timeout):
+            raise TimeoutError("the cache folder does not answer")
+
+    monkeypatch.setattr("distributed.Client", lambda address, **options: None)
+    monkeypatch.setattr(DaskCluster, "_compare", lambda self: None)
+    there, future = DaskCluster("tcp://127.0.0.1:9"), Failed()
+    there._running[future] = None, {}
+    there._done.put(future)
+    with pytest.raises(ClusterError, match="the cache folder does not answer"):
+        next(there._arrived())
+
+
 def test_a_worker_of_another_version_is_refused(patient, pair, monkeypatch):
     theirs = cluster_worker.signature()
     monkeypatch.setattr(cluster_worker, "signature", lambda: theirs | {"numpy": "0.1", "code": "x"})

@@ -1,10 +1,13 @@
 import shutil
+from pathlib import Path
 
 import pytest
 
+from optiplan.bench.dask import file_transfer
 from optiplan.bench.dask.file_transfer import Packer, TravelError, keep, lacking, unpack_files
 from optiplan.bench.suite.suite import load_suite
 from optiplan.problem.load import problem_from_dict
+from optiplan.robot.robot import load_robot
 
 
 @pytest.fixture
@@ -22,6 +25,15 @@ def test_what_arrives_is_whole_without_its_home(problems, robot_of_ours, tmp_pat
     bundle_contents = {digest: packer.bundle_contents(digest) for digest in wanted}
     assert len(wanted) == 2
     here = problem_from_dict(problems[0].data)
+    (robot_of_ours / "block.stl").write_text((robot_of_ours / "block.stl").read_text().replace(".2", ".3"))
+    with pytest.raises(TravelError, match=r"p1: its robot or its meshes were changed"):
+        packer.pack(problems[1])
+    for digest, content in bundle_contents.items():
+        edited = packer.bundle_contents(digest)
+        if edited != content:
+            with pytest.raises(TravelError, match=r"block\.stl in .*ours: its robot or its meshes were changed"):
+                keep(digest, edited)
+    assert lacking(packed[0]) == wanted
     shutil.rmtree(robot_of_ours)
     for digest, content in bundle_contents.items():
         keep(digest, content)
@@ -32,6 +44,13 @@ def test_what_arrives_is_whole_without_its_home(problems, robot_of_ours, tmp_pat
     assert there.robot.source.is_relative_to(tmp_path / "elsewhere")
     assert len(there.robot.geometry.geometryObjects) == len(here.robot.geometry.geometryObjects) == 1
     assert there.start.tolist() == here.start.tolist()
+
+
+def test_a_bundle_begins_below_the_root_folder(problems, monkeypatch):
+    monkeypatch.setattr(file_transfer, "LEVELS", 99)
+    unpacked = unpack_files(Packer().pack(problems[0]))
+    assert load_robot(unpacked.data["robot"]).source.name == "robot.yaml"
+    assert file_transfer._settled(b'<a b="/c"/>', "/", Path("/home")) == b'<a b="/home/c"/>'
 
 
 def test_shipped_robots_stay_names(write_suite, tmp_path):

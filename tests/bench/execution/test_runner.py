@@ -14,7 +14,8 @@ import pytest
 from optiplan.bench.execution.machine import descendants, ended
 from optiplan.bench.execution.pool import LocalPool
 from optiplan.bench.execution.runner import open_results, other_versions, run_suite
-from optiplan.bench.results.database import StoreError
+from optiplan.bench.execution.slot import WorkerSlot
+from optiplan.bench.results.database import Store, StoreError
 from optiplan.bench.suite.suite import load_suite
 from optiplan.cli.printing.bench_progress import progress
 from optiplan.errors import InputError
@@ -59,24 +60,23 @@ def test_every_run_is_made_once_whatever_the_number_of_workers(write_suite, run,
     assert len({row["trajectory"] for row in rows.values() if row["verified"]}) == 2
 
 
-def test_the_same_again_makes_nothing_twice(write_suite, run):
+def test_the_same_again_makes_nothing_twice(write_suite, run, tmp_path):
     path = write_suite(count=3)
     seen = []
-
-    class Enough(Exception):
-        pass
 
     def give_up(outcome):
         seen.append(outcome.row.key)
         if len(seen) == 2:
-            raise Enough
+            raise KeyboardInterrupt
 
-    with pytest.raises(Enough):
+    with pytest.raises(KeyboardInterrupt):
         run(path, watch=give_up)
     done, rows = run(path, watch=lambda outcome: seen.append(outcome.row.key))
     assert (done.found, done.made, done.complete) == (2, 1, True)
     assert sorted(seen) == sorted(rows)
     assert len({row["session"] for row in rows.values()}) == 2
+    with Store(tmp_path / "out") as store:
+        assert [row["how"] for row in store.query("SELECT how FROM sessions")] == ["interrupted", "complete"]
     assert run(path)[0].made == 0
 
 
@@ -136,6 +136,18 @@ def test_ctrl_c_ends_cleanly_and_the_same_command_goes_on(write_suite, tmp_path,
     there = stored(folder)
     done, rows = run(path, folder)
     assert (done.found, done.total, len(rows)) == (there, 30, 30)
+
+
+@pytest.mark.timeout(20)
+def test_a_pool_that_is_closed_while_outcomes_wait_to_be_stored_ends(monkeypatch):
+    monkeypatch.setattr(WorkerSlot, "run", lambda slot, task: task)
+    pool = LocalPool(1)
+    outcomes = pool.outcomes(range(1000))
+    first = next(outcomes)
+    wait_until(pool._done.full)
+    pool.close()
+    time.sleep(0.3)  # the slot gives up the outcome that it holds
+    assert [first, *outcomes] == list(range(9))
 
 
 def test_killed_with_a_worker_every_run_is_there_once(write_suite, tmp_path, run):

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from optiplan.bench.results import best_known
 from optiplan.bench.results.best_known import BestKnown, BestKnownTable
 from optiplan.errors import InputError
+from optiplan.files import write_text
 from optiplan.importers.motion_bench_maker import Importer
 from optiplan.planners.base import Budget
 from optiplan.problem.load import load_problem
@@ -65,14 +67,26 @@ def test_a_table_is_read_as_it_was_written(tmp_path):
     assert path.read_bytes() == before
 
 
-def test_two_suites_with_one_table_lose_nothing(tmp_path):
+def test_two_suites_with_one_table_lose_nothing(tmp_path, monkeypatch):
+    """One writes after the other, and both at once."""
     path = tmp_path / "best.csv"
-    one, other = BestKnownTable(path), BestKnownTable(path)
+    one, other, third = BestKnownTable(path), BestKnownTable(path), BestKnownTable(path)
     one.offer(ENTRY)
     one.write()
     other.offer(replace(ENTRY, hash="cd34"))
+    third.offer(replace(ENTRY, hash="ef56"))
+    beside = threading.Thread(target=third.write)
+
+    def slowly(path, text):
+        monkeypatch.undo()
+        beside.start()
+        beside.join(0.1)
+        write_text(path, text)
+
+    monkeypatch.setattr(best_known, "write_text", slowly)
     other.write()
-    assert len(BestKnownTable(path)) == 2
+    beside.join()
+    assert len(BestKnownTable(path)) == 3
     lines = path.read_text().splitlines()
     path.write_text("\n".join([*lines, lines[1].replace("1.25", "2.5")]) + "\n")
     assert BestKnownTable(path).get("ab12").duration == 1.25

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from optiplan.bench.results.database import Store
-from optiplan.bench.results.export import TABLES, export_results, write_problems
+from optiplan.bench.results.export import TABLES, export_results, write_metrics, write_problems
 from optiplan.bench.results.records import COLUMNS
 from optiplan.bench.sources.generate import GENERATORS
 from optiplan.bench.suite.schema import KINDS
@@ -89,3 +89,9 @@ def test_without_pyarrow_parquet_says_what_is_missing(results, tmp_path, monkeyp
     with pytest.raises(OptiPlanError, match=r"pip install 'optiplan\[results\]'"):
         export_results(results, tmp_path / "tables", "parquet")
     assert list((tmp_path / "tables").iterdir()) == []
+
+
+def test_planners_of_like_names_have_files_of_their_own(write_results, tmp_path):
+    folder = write_results(tmp_path / "out", {("s/a", label, 0): (1.0, 2.0) for label in ("a:b", "a_b")})
+    with Store(folder) as store:
+        assert [path.name for path in write_metrics(store, folder)] == ["a_b.json", "a_b_.json"]

@@ -10,7 +10,7 @@ from optiplan.bench.execution.runner import found_runs, open_results, run_suite
 from optiplan.bench.report.analysis import analyse
 from optiplan.bench.report.headline import facts, warnings
 from optiplan.bench.results.database import Store, StoreError
-from optiplan.bench.results.growth import merge_results, place_of, together
+from optiplan.bench.results.growth import expected_runs, merge_results, place_of, together
 from optiplan.bench.suite.suite import load_suite
 from optiplan.errors import InputError
 
@@ -48,6 +48,24 @@ def test_a_folder_grows_by_a_planner_a_seed_and_a_set(write_suite, grow):
     whole = write_suite(count=2, seeds=[0, 3], planners=["bench_planners:Straight", SLOW])
     again, _, _, _ = grow(whole, add=False)
     assert (again.found, again.made) == (8, 0)
+
+
+def test_runs_that_no_suite_asks_for_are_not_missing(results, write_suite, tmp_path):
+    """Two suites of unlike planners and seeds, one added to the other, and merged."""
+    a, b = write_suite(count=1, seeds=[0, 1]), write_suite(count=1, name="b", planners=[SLOW])
+    for path in (a, b):
+        with open_results(load_suite(path, tmp_path / "files"), tmp_path / "out", add=True) as store:
+            expected = expected_runs(store)
+    assert expected == 3
+    one = results({("s/a", "one", 0): (1.0, 2.0), ("s/a", "one", 1): (1.0, 2.0)}, "one")
+    two = results({("s/a", "two", 0): (1.0, 3.0)}, "two")
+    for folder, known in ((one, {"s/a": 1.5}), (two, {"s/a": 1.75, "s/b": 1.0})):
+        with Store(folder, write=True) as store:
+            store.set_meta("best_known", known)
+    with merge_results([one, two], tmp_path / "both") as store:
+        assert warnings(store, analyse(store)) == []
+        assert facts(store, analyse(store)) == "1 problems × 2 planners: 3 runs, 100.0 % verified"
+        assert store.meta("best_known") == {"s/a": 1.5, "s/b": 1.0}
 
 
 def test_what_must_agree_is_named_and_nothing_is_changed(write_suite, grow, tmp_path):

@@ -141,3 +141,10 @@ def test_only_what_is_common_is_compared(compared):
 def test_nothing_in_common(compared):
     found = compared(made(("one",)), made(("two",)))
     assert (found.common, found.changes) == (0, ())
+
+
+def test_a_run_without_a_time_leaves_the_medians_of_the_others(results):
+    with Store(results(made(), "old"), write=True) as before, Store(results(made(), "new")) as after:
+        before._db.execute("UPDATE runs SET plan_time = NULL WHERE problem = 's/0'")  # as imported ones may have none
+        change = next(one for one in compare_results(before, after).changes if one.quantity == "planning time")
+    assert change.before == pytest.approx(11.0, rel=0.1)

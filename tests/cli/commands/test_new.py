@@ -48,6 +48,9 @@ def test_answers_are_checked_and_nothing_is_overwritten(tmp_path, capsys):
     file = tmp_path / "first.yaml"
     assert optiplan(["new", str(file), "--goal", "1,2"]) == 2
     assert "X,Y,Z" in capsys.readouterr().err
+    assert optiplan(["new", str(file), "--robot", "ur5", "--goal", "4,0.2,0.5"]) == 2
+    err = " ".join(capsys.readouterr().err.split())
+    assert err.startswith("new: --goal: '4,0.2,0.5': no configuration puts 'tool0' at this pose")
     assert optiplan(["new", str(file), "--robot", "pandas"]) == 2
     assert "panda" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

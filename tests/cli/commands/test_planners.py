@@ -10,6 +10,7 @@ def test_options_and_defaults_of_the_planners_named(optiplan, optiplan_json):
         assert code == 0
         assert out.startswith(f"{name}: ")
         assert all(f"  {option.name}: " in out for option in entry.option_list())
+        assert not any(line.endswith(" ") for line in out.splitlines())
     code, data = optiplan_json("planners", "trajopt", "quintic")
     assert code == 0
     assert list(data["planners"]) == ["trajopt", "quintic"]

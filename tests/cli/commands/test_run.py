@@ -1,5 +1,6 @@
 """`optiplan run`: verdict first, exit codes, stored runs, and Ctrl-C as the proved stop."""
 
+import io
 import json
 import signal
 import subprocess
@@ -8,7 +9,9 @@ import time
 
 import numpy as np
 import pytest
+from rich.console import Console
 
+from optiplan.cli.printing.executed import show_execution
 from optiplan.execution.drivers.csv_file import FileDriver
 
 SLOW = ["--rate", "100", "--patience", "0.1"]
@@ -22,6 +25,10 @@ def test_a_motion_is_planned_and_run(free, optiplan_json, tmp_path):
     assert (done["name"], done["driver"], done["rate"], done["override"]) == ("free", "file", 100.0, 0.8)
     assert done["lateness"]["max"] >= 0.0
     assert table.exists() == (done["phase"] == "done")
+    written = str(table) + ("" if table.exists() else ".partial")
+    assert done["report"]["file"] == written
+    show_execution(Console(file=(shown := io.StringIO())), done)
+    assert f"written: {written}\n" in shown.getvalue()
 
 
 def test_a_stored_run_is_run_in_the_simulation(free, optiplan, tmp_path):

@@ -146,6 +146,8 @@ def test_a_run_of_another_problem_is_not_verified(optiplan, optiplan_json, free,
     alone = run.parent / "alone.json"
     alone.write_text((run / "trajectory.json").read_text())
     assert optiplan("verify", free, alone)[0] == 0
+    change(run, joint_names=["elbow", "elbow2"])
+    assert "\n1 check passed" in optiplan("verify", free, run)[1]
 
 
 def test_wrong_joint_order_is_refused(optiplan, free, run):

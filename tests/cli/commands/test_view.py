@@ -70,6 +70,16 @@ def test_runs_of_different_robots_are_refused(optiplan, run, free, tmp_path):
     assert "a run of the robot 'panda'" in err
 
 
+def test_a_run_whose_robot_is_gone_is_named(optiplan, run):
+    file = run / "run.json"
+    record = json.loads(file.read_text())
+    file.write_text(json.dumps(record | {"problem": record["problem"] | {"robot": "/gone/robot.yaml"}}))
+    for command in (("view", run, "--export", "page.html"), ("export", run, "--to", "csv")):
+        code, _, err = optiplan(*command)
+        assert code == 2
+        assert err.startswith(f"{file}: robot: '/gone/robot.yaml', but there is no file /gone/robot.yaml")
+
+
 def test_a_lone_trajectory_cannot_be_shown(optiplan, run, tmp_path):
     shutil.copy(run / "trajectory.json", tmp_path / "mine.json")
     code, _, err = optiplan("view", tmp_path / "mine.json")

@@ -68,6 +68,15 @@ TEST(a_clearance_is_kept_to_the_micrometre) {
     }
 }
 
+TEST(a_motion_of_many_pieces_may_take_many_intervals) {
+    const int pieces = 2000;
+    Curve standing{{0.0}, std::vector<double>(4 * pieces, 0.0), 1, 2};
+    for (int i = 1; i <= pieces; ++i) standing.breakpoints.push_back(0.01 * i);
+    IntervalProof proof(arm_and_box({1.0, 0.153, 0.0}), {0, 0}, {});
+    const Verdict found = proof.prove(standing, {});
+    CHECK(found.pair < 0 && found.intervals > pieces);
+}
+
 TEST(everything_before_a_contact_is_proved) {
     const World world = arm_and_box({1.0, 1.0, 0.0});
     const Curve curve = turning(1.0, 1.5);

@@ -51,7 +51,7 @@ TEST(noise_beyond_the_limits_is_taken_out_and_no_more) {
     const Curve plain = spline.curve(spline.through(START, Q.data()), 2);
     NearestChunk chunk(spline, START, Q.data(), limits(), 0.6);
     CHECK(chunk.step({}, 0.0));
-    const Curve curve = chunk.curve(1.0);
+    const Curve curve = chunk.curve();
     CHECK(2.0 * largest(plain, 2) > 10.0);
     CHECK(2.0 * largest(curve, 2) <= 10.0 && 6.0 * largest(curve, 3) <= 500.0 * (1.0 + 1e-9));
     const Vec found = chunk.set_points();
@@ -68,13 +68,12 @@ TEST(set_points_are_moved_out_of_a_box) {
     NearestChunk chunk(ChunkSpline(every(20, 0.05), false), {{0.0, 0.5}, {0.0, 0.0}, {0.0, 0.0}}, Q.data(), limits(),
                        0.6);
     double least = HUGE_VAL;
-    for (const NearPlace &place : near_places(world, at, chunk.curve(1.0), 0.05, 0.02))
+    for (const NearPlace &place : near_places(world, at, chunk.curve(), 0.05, 0.02))
         least = std::min(least, place.distance);
     CHECK(least < -0.005);
-    for (int round = 0; round < 4; ++round)
-        CHECK(chunk.step(near_places(world, at, chunk.curve(1.0), 0.05, 0.02), 2e-3));
+    for (int round = 0; round < 4; ++round) CHECK(chunk.step(near_places(world, at, chunk.curve(), 0.05, 0.02), 2e-3));
     least = HUGE_VAL;
-    for (const NearPlace &place : near_places(world, at, chunk.curve(1.0), 0.05, 0.02))
+    for (const NearPlace &place : near_places(world, at, chunk.curve(), 0.05, 0.02))
         least = std::min(least, place.distance);
     CHECK(least > 1e-3 && least < 4e-3);
 }

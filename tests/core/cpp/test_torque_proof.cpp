@@ -44,6 +44,20 @@ TEST(torques_are_proved_up_to_their_largest_value) {
     }
 }
 
+TEST(what_many_pieces_take_is_no_loss_to_the_last) {
+    TorqueProof proof(arm(), {0.0, 0.0});
+    const Curve last = swing(1.0, -1.0);
+    Curve curve{{0.0}, {}, 3, 2};
+    for (int piece = 1; piece <= 5000; ++piece) {  // upright
+        curve.breakpoints.push_back(0.1 * piece);
+        curve.coefficients.insert(curve.coefficients.end(), {1.57, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0});
+    }
+    curve.breakpoints.push_back(curve.breakpoints.back() + 0.5);
+    curve.coefficients.insert(curve.coefficients.end(), last.coefficients.begin(), last.coefficients.end());
+    const std::vector<double> most = dense(last);
+    CHECK(proof.overload(curve, {1.001 * most[0], 1.001 * most[1]}).joint == -1);
+}
+
 TEST(a_motion_that_takes_too_many_intervals_is_given_up) {
     TorqueProof proof(arm(), {0.0, 0.0});
     const Curve endless{{0.0, 1e5}, {0.0, 0.0, 1e-3, 1e-3}, 1, 2};

@@ -354,6 +354,79 @@ def test_a_run_is_refused_whose_first_stop_is_blocked_by_what_was_seen(beside):
     assert not any(model.collides(tick.q) for tick in settled(later))
 
 
+@pytest.fixture(scope="module")
+def aside(run_of):
+    """A run, and one to elsewhere that leaves it at 0.4 s and could brake at once there."""
+    run = run_of("01_reach")
+    executor = op.Executor(run)
+    after(executor, 100)
+    goal = run.trajectory.end + np.array([-0.6, 0.2, 0.0, 0.3, 0.0, 0.3, 0.0])
+    problem = run.problem.with_start(executor.state_in(0.3)).with_goal(goal)
+    return run, op.plan(problem, planner="septic", budget=2.0)
+
+
+def beside_ball(aside, way, place, radius, when=0.1):
+    """An executor with the run that is to leave the other one at 0.4 s, and a ball on the way of a run, just seen."""
+    executor = op.Executor(aside[0])
+    after(executor, 100)
+    begin = executor.state_in(0.3)
+    assert executor.splice(aside[1])
+    while executor.time < when - 1e-9:
+        executor.tick(DT)
+    ball = op.Sphere("ball", radius, position=tuple(way.problem.robot.fk(way.trajectory(place)).position))
+    executor.update_scene({"ball": ball})
+    return executor, begin, CollisionModel(way.problem.robot, op.Scene([ball]))
+
+
+def test_a_run_that_is_blocked_brakes_where_it_takes_over_and_not_before(aside):
+    _, second = aside
+    executor, begin, model = beside_ball(aside, second, 0.8 * second.duration, 0.05)
+    assert executor.status.reason == ""
+    after(executor, 260)
+    tick = executor.tick(0.04)  # to the very time
+    assert executor.run is second
+    assert "'ball'" in executor.status.reason
+    np.testing.assert_allclose(tick.v, begin.v, atol=1e-6)
+    np.testing.assert_allclose(tick.a, begin.a, atol=1e-3)
+    assert not any(model.collides(one.q) for one in settled(executor))
+
+
+def test_a_run_takes_over_though_the_way_that_it_leaves_is_blocked_later(aside):
+    run, second = aside
+    executor, _, model = beside_ball(aside, run, run.duration, 0.05)
+    executor.override = 1.0  # as it is
+    assert executor.status.reason == ""
+    ticks = settled(executor)
+    assert (executor.run is second, executor.status.phase, executor.status.reason) == (True, "done", "")
+    assert_continuous(second, ticks)
+    paused, _, _ = beside_ball(aside, run, run.duration, 0.05)
+    after(paused, 299)
+    paused.pause()
+    ticks += settled(paused)
+    assert paused.run is run
+    assert "too late" not in paused.status.reason
+    assert not any(model.collides(tick.q) for tick in ticks)
+
+
+def test_a_run_takes_over_where_it_alone_leads_past_what_is_too_near_to_stop(aside):
+    run, second = aside
+    executor, _, model = beside_ball(aside, run, 0.62, 0.05, when=0.395)
+    assert executor.status.reason == ""
+    assert not any(model.collides(tick.q) for tick in settled(executor))
+    assert executor.run is second
+
+
+def test_a_run_whose_begin_is_not_reached_is_dropped_and_that_is_said(aside):
+    run, _ = aside
+    executor, _, model = beside_ball(aside, run, 0.3, 0.04)
+    assert "would meet 'ball'" in executor.status.reason
+    assert executor.status.reason.endswith("; the motion that was to take over is dropped")
+    assert not any(model.collides(tick.q) for tick in settled(executor))
+    assert (executor.run is run, executor.status.phase) == (True, "waiting")
+    late = beside_ball(aside, run, 0.22, 0.05)[0].status.reason
+    assert late.endswith("; the motion that was to take over is dropped; the stop comes too late")
+
+
 def test_a_run_is_refused_that_forgets_what_the_robot_holds(run_of):
     run = run_of("40_panda_sorts_cubes")
     executor = op.Executor(run)

@@ -133,7 +133,8 @@ def test_where_nothing_else_is_proved_the_robot_stops_on_the_chunk(problem):
     [
         (lambda q, t: q.__setitem__((3, 2), np.nan), "set-point 3 has nan for 'panda_joint3'"),
         (lambda q, t: q.__setitem__((3, 2), np.inf), "set-point 3 has inf"),
-        (lambda q, t: t.__setitem__(4, np.nan), "set-point 4 is at time nan s"),
+        (lambda q, t: t.__setitem__(4, np.nan), "set-point 4 is at time nan s, not from 0 to 100000 s"),
+        (lambda q, t: t.__imul__(1e9), "set-point 0 is at time 20000000.0 s"),
         (lambda q, t: t.__setitem__(4, t[3]), "set-point 4 is at 0.08 s, not after set-point 3 at 0.08 s"),
         (lambda q, t: t.__setitem__(0, -1.0), "set-point 0 is at time -1.0 s"),
         (lambda q, t: q.__iadd__(2.0), "rad/s"),

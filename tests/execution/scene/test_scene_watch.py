@@ -208,6 +208,10 @@ def test_that_a_stop_comes_too_late_is_said_once(run):
     for _ in range(5):
         executor.update_scene({"ball0": here})
     assert executor.status.reason.count("too late") == 1
+    assert "would meet 'ball0'" in executor.status.reason
+    standing, _ = blocked_executor(run, override=0.0)
+    standing.update_scene({"ball0": op.Pose(tuple(run.problem.robot.fk(run.trajectory.start).matrix[:3, 3]))})
+    assert (standing.status.phase, standing.status.reason) == ("paused", "")
 
 
 def test_a_deviation_stops_a_waiting_robot(run):

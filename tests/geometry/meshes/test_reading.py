@@ -101,6 +101,14 @@ def test_obj_indices_count_from_the_end_and_lines_go_on():
             reading_process.READERS[".obj"](b"v 0 0 0\nv 1 0 0\nv 0 1 0\n" + wrong + b"\n")
 
 
+@pytest.mark.parametrize("kind", ["int", "float"])
+def test_ply_indices_are_whole_numbers(kind):
+    header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    header += f"element face 1\nproperty list uchar {kind} vertex_indices\nend_header\n"
+    with pytest.raises(MeshError, match="no whole numbers"):
+        reading_process.READERS[".ply"](f"{header}0 0 0\n1 0 0\n0 1 0\n3 0.9 1.9 2.9\n".encode())
+
+
 DAE = """<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
 <asset>{asset}</asset><library_geometries><geometry id="g"><mesh><source id="p"><float_array id="pa" count="12">
 0 0 0 1 0 0 0 2 0 0 0 3</float_array><technique_common><accessor source="#pa" count="4" stride="3"/></technique_common>
@@ -155,6 +163,7 @@ def test_collada_nodes_are_placed_in_order_and_instanced():
     ("polygons", "count"),
     [
         (f'<polylist count="2">{INPUT}<vcount>3 4</vcount><p>0 1 2 0 1 3 2</p></polylist>', 3),
+        (TETRAHEDRON + f'<polylist count="0">{INPUT}<vcount/><p/></polylist>', 4),
         (f'<polygons count="1">{INPUT}<p>0 1 2</p></polygons>', 1),
         (f"<tristrips>{INPUT}<p>0 1 2 3</p></tristrips>", 2),
         (f"<trifans>{INPUT}<p>0 1 2 3</p></trifans>", 2),
@@ -178,6 +187,9 @@ def test_collada_polygons(polygons, count):
         {"asset": "<up_axis>W_UP</up_axis>"},
         {"polygons": TETRAHEDRON.replace("1 2 3<", "1 2 4<")},
         {"polygons": TETRAHEDRON.replace('count="4"', 'count="3"')},
+        {"polygons": TETRAHEDRON.replace("</p>", "</p><p>0 1 2</p>")},
+        {"polygons": f'<polygons count="5">{INPUT}<p>0 1 2</p></polygons>'},
+        {"polygons": f'<tristrips count="2">{INPUT}<p>0 1 2 3</p></tristrips>'},
         {"polygons": TETRAHEDRON.replace("0 2 1", "0 2 1e0")},
         {"polygons": TETRAHEDRON.replace("0 2 1", "0 2 1_0")},
         {"polygons": TETRAHEDRON.replace("0 2 1", f"0 2 {10**30}")},
@@ -225,6 +237,9 @@ def test_glb_nodes_are_placed():
         {"accessors": [{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"}]},
         {"accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "byteOffset": -4}]},
         {"buffers": [{"byteLength": 36, "uri": "/etc/passwd"}]},
+        {"buffers": [{"byteLength": 36}] * 2, "bufferViews": [{"buffer": 1, "byteLength": 36}]},
+        {"bufferViews": [{"buffer": 0, "byteLength": 12}]},
+        {"bufferViews": [{"buffer": 0, "byteLength": 36, "byteOffset": 4}]},
         {"scenes": []},
     ],
     ids=lambda changes: str(changes)[:40],

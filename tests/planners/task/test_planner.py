@@ -13,8 +13,8 @@ import optiplan as op
 from optiplan.planners.base import Budget
 from optiplan.planners.task import search
 from optiplan.planners.task.chains import do_chain
+from optiplan.planners.task.sections import timed_step
 from optiplan.planners.task.stages import Stages, WorldState
-from optiplan.planners.task.timed_step import timed_step
 from optiplan.problem.load import load_problem, problem_from_dict
 from optiplan.problem.problem import derived
 from optiplan.problem.task.timeline import scene_parts

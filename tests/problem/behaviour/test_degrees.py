@@ -43,7 +43,7 @@ def test_angles_beyond_a_turn_are_refused_with_a_hint(tmp_path, wrong):
 def test_a_whole_turn_as_people_print_it_is_none():
     for angle in (6.2832, -2.0 * np.pi):
         assert np.allclose(pose_from_data({"rpy": [angle, 0.0, 0.0]}).rotation, np.eye(3), atol=1e-4)
-    with pytest.raises(ValueError, match="rpy_deg"):
+    with pytest.raises(ValueError, match=r"within a turn \(6.2832\)$"):  # who reads a key `rpy_deg` points to it
         pose_from_data({"rpy": [6.5, 0.0, 0.0]})
 
 
@@ -128,6 +128,10 @@ def test_python_takes_degrees():
         op.Box("a", (1, 1, 1), rpy=(180, 0, 0))
     with pytest.raises(op.InputError, match=r"op\.Pose: rpy"):
         op.Pose((0, 0, 1), rpy=(180, 0, 0))
+    with pytest.raises(op.InputError, match=r"op\.Box: rpy: 800 in rpy_deg; expected .* \(360\)"):
+        op.Box("a", (1, 1, 1), rpy_deg=(800, 0, 0))
+    with pytest.raises(op.InputError, match=r"op\.Pose: rpy_deg\[0\]: 1000"):
+        op.Pose((0, 0, 1), rpy_deg=(10**400, 0, 0))
     with pytest.raises(op.InputError, match="both rpy and rpy_deg"):
         op.Pose((0, 0, 1), rpy=(1, 0, 0), rpy_deg=(1, 0, 0))
     problem = op.Problem(

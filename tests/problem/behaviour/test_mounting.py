@@ -283,6 +283,14 @@ def test_bodies_looked_at_once_are_placed_anew_for_another_base(name):
         assert found == pytest.approx(expected, abs=1e-12)
 
 
+def test_pairs_checked_of_a_mounted_robot_stay_checked_wherever_it_stands():
+    robot, high = load_robot("panda"), Mounting(pin.SE3(np.eye(3), np.array([0.0, 0.0, 1.0])))
+    checked = robot.mounted(high).with_proved_checked()
+    assert len(checked.geometry.collisionPairs) > len(robot.geometry.collisionPairs)
+    for other in (checked.mounted(Mounting()), checked.holding({"panda_joint1": 0.1})):
+        assert other.allowed == checked.allowed
+
+
 @pytest.mark.parametrize(
     ("change", "place", "words"),
     [

@@ -296,14 +296,28 @@ class Channel:
         self.states.append(json.loads(json.dumps(message, allow_nan=False))["state"])
 
 
-@pytest.mark.parametrize("state", [[np.nan, 1.0], [1.0]])
-def test_a_state_without_positions_ends_in_a_stop_that_is_seen(tmp_path, monkeypatch, state):
+@pytest.fixture
+def requested(tmp_path, monkeypatch):
+    """The run of the quick problem, and a request to execute it by `WithoutSensors`."""
     monkeypatch.setitem(driving.DRIVERS, "test", f"{__name__}:WithoutSensors")
     (tmp_path / "quick.yaml").write_text(QUICK)
     run = op.plan(load_problem(tmp_path / "quick.yaml"))
-    request = {"motion": json.dumps(run.trajectory.to_dict()), "driver": "test", "driver_options": {"state": state}}
-    request |= {"override": 0.5, "clearance": 0.0, "deviation": None, "paused": False, "lease": None}
-    executing, channel = Executing(lambda _: run.problem, {**request, "rate": 100.0, "patience": 0.1}), Channel()
+    request = {"motion": json.dumps(run.trajectory.to_dict()), "driver": "test", "rate": 100.0, "patience": 0.1}
+    return run, request | {"override": 0.5, "clearance": 0.0, "deviation": None, "paused": False, "lease": None}
+
+
+def test_why_another_motion_does_not_take_over_is_answered_before_the_next_tick(requested):
+    run, request = requested
+    executing = Executing(lambda _: run.problem, {**request, "driver_options": {"state": [0.0, 0.0]}})
+    executing._execution._loop.tick = executing._executor.tick(0.01)
+    refused = executing.do_splice({"request": request})
+    assert (refused["taken"], "not on the way" in refused["reason"]) == (False, True)
+
+
+@pytest.mark.parametrize("state", [[np.nan, 1.0], [1.0]])
+def test_a_state_without_positions_ends_in_a_stop_that_is_seen(requested, state):
+    run, request = requested
+    executing, channel = Executing(lambda _: run.problem, {**request, "driver_options": {"state": state}}), Channel()
     assert executing._driver.rate == 100.0  # it is asked of the driver, too
     end = executing.run(channel)
     assert "2 finite positions" in end["reason"]

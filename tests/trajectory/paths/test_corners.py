@@ -10,6 +10,7 @@ from optiplan.trajectory.paths.corners import (
     BEZIER,
     BSPLINE,
     bezier_corners,
+    blend_path,
     bspline_corners,
     reversals,
     through_corners,
@@ -19,6 +20,7 @@ NAMES = ("a", "b", "c")
 ONES = np.ones(3)
 LIMITS = Limits(-9 * ONES, 9 * ONES, np.array([1.0, 2.0, 0.7]), ONES, ONES, ONES)
 curves = pytest.mark.parametrize(("curve", "factor"), [(bezier_corners, BEZIER), (bspline_corners, BSPLINE)])
+CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.5, -0.2], [1.2, 1.5, 0.4], [0.1, 1.0, 1.0]])
 
 
 def random_points(seed, count):
@@ -96,3 +98,21 @@ def test_the_bspline_runs_along_straight_segments_with_its_parameter():
 def test_a_path_turns_back():
     waypoints = np.array([[0.0, 0, 0], [1, 0, 0], [0.2, 0.05, 0], [0.2, 1, 0]])
     assert reversals(waypoints, LIMITS).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("fractions", [[1.0, 1.0], [0.1, 0.7]])
+def test_path_is_twice_continuously_differentiable(fractions):
+    path = blend_path(CORNERS, np.array(fractions), LIMITS, NAMES)
+    for order in range(3):
+        assert np.abs(path.jumps(order)).max() < 1e-9, order
+    assert path.start == pytest.approx(CORNERS[0])
+    assert path.end == pytest.approx(CORNERS[-1])
+
+
+def test_path_leaves_a_corner_by_the_distance_documented():
+    path = blend_path(CORNERS[:3], np.array([0.4]), LIMITS, NAMES)
+    length = np.linalg.norm(np.diff(CORNERS[:3], axis=0) / LIMITS.velocity, axis=1)
+    u, w = np.diff(CORNERS[:3], axis=0) / length[:, None]
+    d = 0.4 * 0.5 * length.min()
+    middle = path(np.array([length[0]]))[0]  # the blend is as long as the two legs that it replaces
+    assert middle == pytest.approx(CORNERS[1] + 0.1875 * d * (w - u), abs=1e-12)

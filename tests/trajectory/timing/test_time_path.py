@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from optiplan.errors import UnknownChoiceError
 from optiplan.problem.problem import JointGoal, derived
 from optiplan.robot.robot import load_robot
-from optiplan.trajectory.paths.corner_blends import blend_path
+from optiplan.trajectory.paths.corners import blend_path
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.timing.path_constraints import rows_at, tool_motion
 from optiplan.trajectory.timing.reachability import fastest_law, slowness

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import optiplan as op
 from optiplan.kinematics.ik.joint_wraps import images
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import JointGoal, Problem
@@ -74,6 +75,16 @@ def test_a_joint_that_turns_without_end_is_where_it_was_after_a_turn(tmp_path):
     assert robot.endless.tolist() == [True]
     problem = Problem(robot, start=[0.0], goal=[1.0])
     assert "goal" not in failed(verify(problem, quintic(robot.joint_names, [0.0], [1.0 - 2 * np.pi], 20.0)))
+
+
+def test_a_coupling_is_judged_where_the_motion_ends(tmp_path):
+    robot = load_robot(str(write_robot(tmp_path, chain(joint("j", "a", "b", "continuous", inside="")))))
+    coupling = [{"coupling": {"joints": {"j": 1.0}, "equals": 0.5, "within": 0.6}}]
+    problem = op.Problem(robot, [0.0], [1.0 + 2 * np.pi], path_constraints=coupling)  # 6.8 off, a whole turn away 0.5
+    for end, failures in ((1.0, []), (1.0 + 2 * np.pi, ["coupling constraint"])):
+        assert failed(verify(problem, quintic(robot.joint_names, [0.0], [end], 20.0))) == failures
+    with pytest.raises(op.InputError, match="a start that is uncoupled"):
+        op.Problem(robot, [2 * np.pi], [1.0], path_constraints=coupling)
 
 
 def test_a_joint_of_a_wide_range_has_a_few_images(tmp_path):

@@ -1,5 +1,6 @@
 """The proof by planes in the core beside the one in Python: the same verdicts, and nothing nearer than it says."""
 
+from concurrent.futures import ThreadPoolExecutor
 from unittest.mock import patch
 
 import numpy as np
@@ -11,6 +12,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.continuous.motion_tools import tools_of
 from optiplan.verify.continuous.proof import SCENE, SELF
+from optiplan.verify.planes import plane_search as plane_search_module
 from optiplan.verify.planes import search_state
 from optiplan.verify.planes.plane_search import plane_search
 from optiplan.verify.report import VerifyPolicy
@@ -94,6 +96,39 @@ def test_obstacles_that_stand_elsewhere():
         for motion in motions(problem, 6):
             ours, theirs = certify(model, motion, VerifyPolicy()), without_planes(model, motion, VerifyPolicy())
             assert ours.proved == theirs.proved
+
+
+def test_threads_prove_with_the_same_bodies_at_once():
+    problem = among_bodies("panda", 6, 5)
+    first = CollisionModel(problem.robot, problem.scene)
+    motion = next(motion for motion in motions(problem, 18) if certify(first, motion, VerifyPolicy()).proved)
+    twins = [first.with_obstacles_moved(problem.scene) for _ in range(4)]
+    assert len({model.same_bodies for model in twins}) == 1
+    with ThreadPoolExecutor(4) as pool:
+        proofs = list(pool.map(lambda model: [certify(model, motion, VerifyPolicy()) for _ in range(5)], twins))
+    one, *others = (proof for own in proofs for proof in own)
+    assert one.proved
+    assert all(
+        (proof.least == one.least).all() and proof.queries == one.queries and proof.intervals == one.intervals
+        for proof in others
+    )
+
+
+def test_a_long_motion_may_take_more_intervals():
+    """A motion of more pieces than the core's least budget is proved there all the same."""
+    problem = among_bodies("panda", 6, 5)
+    model, proofs = CollisionModel(problem.robot, problem.scene), []
+    found = next(motion for motion in motions(problem, 18) if certify(model, motion, VerifyPolicy()).proved)
+    times = np.linspace(0.0, found.duration, 400)
+    Q = found(times)
+    lines = np.stack([Q[:-1], np.diff(Q, axis=0) / np.diff(times)[:, None]], axis=1)
+    motion = op.Trajectory(problem.robot.joint_names, times, lines)
+    for most in (50_000, 100):
+        with patch.object(plane_search_module, "_MOST", most):
+            proofs.append(certify(model, motion, VerifyPolicy()))
+    assert proofs[0].proved
+    assert proofs[0].intervals == proofs[1].intervals
+    assert (proofs[0].least == proofs[1].least).all()
 
 
 def test_what_the_policy_says_ends_it():

@@ -45,6 +45,7 @@ def test_exported_file_draws_and_scrubs(visit, exported):
     assert np.abs(last - first).max(axis=2).mean() > 0.3
     assert np.abs(end - start).max() > 0.1
     assert page.locator("#clock").text_content() == "2.00 / 2.00 s"
+    assert page.evaluate("OptiPlanFacts.quality(1.003)") == "within 0.5 % of the least possible time for this end"
 
 
 def test_shown_poses_are_those_of_the_trajectory(visit, exported, shelf, motion):

@@ -49,6 +49,8 @@ def test_reach_of_parallel_axes_starts_at_the_first(tmp_path):
     arm = load_robot(str(write_robot(tmp_path, chain(joint("j1", "a", "b", x=0.2), joint("j2", "b", "c")))))
     assert reach(arm).shoulder == pytest.approx([0.2, 0, 0])
     assert reach(arm, "c").largest == pytest.approx(0.5)
+    with pytest.raises(OptiPlanError, match="the frame b at the shoulder"):
+        reach(arm, "b")
 
 
 def test_joints_are_sampled_over_one_turn_at_most():
@@ -171,6 +173,29 @@ class Interrupted(ChunkedWork[int]):
 
 def test_ctrl_c_is_for_the_parent_of_the_workers():
     assert run_chunks(Interrupted(), 4, 2) == [0, 1, 2, 3]
+
+
+@dataclass(frozen=True)
+class Refusing(ChunkedWork[int]):
+    """Its work raises the reason: where it is read, prepared or done."""
+
+    where: str
+
+    def __reduce__(self):
+        return (_refuse, ()) if self.where == "read" else (Refusing, (self.where,))
+
+    def prepare(self):
+        return _refuse() if self.where == "prepared" else lambda _: _refuse()
+
+
+def _refuse():
+    raise OptiPlanError("the files of the robot have changed")
+
+
+@pytest.mark.parametrize("where", ["read", "prepared", "done"])
+def test_what_the_work_of_a_worker_refuses_is_told(where):
+    with pytest.raises(OptiPlanError, match="the files of the robot"):
+        run_chunks(Refusing(where), 2, 2)
 
 
 class DyingBesideAnother(ChunkedWork[int]):

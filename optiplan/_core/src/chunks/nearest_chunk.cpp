@@ -131,9 +131,9 @@ void NearestChunk::base() {
     rows.weight.resize(rows.order.size() * wide), rows.share.resize(rows.order.size() * wide);
 }
 
-Curve NearestChunk::curve(double share) const {
+Curve NearestChunk::curve() const {
     Curve made = spline_.curve(control_, n_);
-    if (!spline_.rests()) append_stop(made, limits_, share);
+    if (!spline_.rests()) append_stop(made, limits_);
     return made;
 }
 

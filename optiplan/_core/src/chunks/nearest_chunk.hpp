@@ -27,7 +27,7 @@ class NearestChunk {
                  double radius);
 
     // Of the present control points, with the stop.
-    Curve curve(double share) const;
+    Curve curve() const;
 
     // False where the program has no solution within the limits, or none near enough to the distance.
     bool step(const std::vector<NearPlace> &near, double distance);

@@ -378,6 +378,7 @@ Verdict IntervalProof::prove(const Curve &curve, const IntervalRules &rules) {
     open_.clear();
     for (int pair = 0; pair < static_cast<int>(world_.pairs().size()); ++pair) open_.push_back(pair);
     const int pieces = static_cast<int>(curve.breakpoints.size()) - 1;
+    rules_.most += rules_.most_of_piece * pieces;
     const Span whole{0, pieces, 0.0, 0.0};
     if (!open_.empty()) prove_span(whole, 0, open_.size());
     return verdict_;

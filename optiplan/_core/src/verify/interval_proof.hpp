@@ -24,7 +24,7 @@ struct IntervalRules {
     double worth = 5e-3;      // m, beyond `clearance`: more is not proved
     double share = 0.5;       // of the distance in the middle beyond `clearance`: more is not proved
     double narrowest = 1e-7;  // s: on shorter intervals the proof is given up
-    int most = 2000;          // intervals
+    int most = 2000, most_of_piece = 8;  // intervals, and more a piece, after which it is given up
 };
 
 // What stopped a proof: everything before `time` is proved. pair -1: nothing did.

@@ -241,7 +241,8 @@ PlaneVerdict PlaneProof::scan(const ProvedMotion &motion, const ProvedIntervals 
     for (std::size_t i = 0; i < intervals.piece.size() && !verdict_.given_up; ++i) {
         const Span span{intervals.piece[i], intervals.middle[i], intervals.half[i]};
         stand(span);
-        for (int pair : intervals.pairs[i]) probe(pair, span);
+        for (const auto *pairs : {&intervals.common, &intervals.more[i]})
+            for (int pair : *pairs) probe(pair, span);
     }
     return verdict_;
 }
@@ -285,7 +286,7 @@ PlaneProof::Answer PlaneProof::settle(int pair, const Span &span) {
 }
 
 void PlaneProof::prove_span(const Span &span, int interval, std::size_t begin, std::size_t end) {
-    verdict_.given_up |= ++verdict_.intervals > rules_.most || verdict_.queries > rules_.most;
+    verdict_.given_up |= ++verdict_.intervals > rules_.most_intervals || verdict_.queries > rules_.most_queries;
     if (verdict_.given_up) return;
     stand(span);
     const std::size_t own = open_.size();
@@ -296,7 +297,10 @@ void PlaneProof::prove_span(const Span &span, int interval, std::size_t begin, s
             const Answer answer = settle(parts[i], span);
             if (verdict_.given_up) return;
             if (answer == Answer::halve) open_.push_back({parts[i], top});
-            if (answer == Answer::left) verdict_.left_interval.push_back(interval), verdict_.left_pair.push_back(top);
+            if (answer == Answer::left && left_on_[top] != interval) {
+                left_on_[top] = interval;
+                verdict_.left_interval.push_back(interval), verdict_.left_pair.push_back(top);
+            }
             if (answer == Answer::expand) {
                 const std::vector<int> &more = pairs_[parts[i]].parts;
                 parts.insert(parts.end(), more.begin(), more.end());
@@ -316,9 +320,11 @@ PlaneVerdict PlaneProof::prove(const ProvedMotion &motion, const ProvedIntervals
     motion_ = &motion, rules_ = rules, verdict_ = {};
     measured_[0] = measured[0], measured_[1] = measured[1];
     std::fill(normals_.begin(), normals_.end(), Vec3{}), std::fill(features_.begin(), features_.end(), Features{});
+    left_on_.assign(pairs_.size(), -1);
     for (std::size_t i = 0; i < intervals.piece.size() && !verdict_.given_up; ++i) {
         open_.clear();
-        for (int pair : intervals.pairs[i]) open_.push_back({pair, pair});
+        for (const auto *pairs : {&intervals.common, &intervals.more[i]})
+            for (int pair : *pairs) open_.push_back({pair, pair});
         prove_span({intervals.piece[i], intervals.middle[i], intervals.half[i]}, static_cast<int>(i), 0, open_.size());
     }
     return verdict_;

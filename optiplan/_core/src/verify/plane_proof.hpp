@@ -54,18 +54,19 @@ struct ProvedMotion {
     int degree;
 };
 
-// Intervals of pieces, with a half width h about a time since the piece begins, and the pairs to prove on each.
+// Intervals of pieces, with a half width h about a time since the piece begins, and the pairs to prove there.
 struct ProvedIntervals {
     std::vector<int> piece;
     std::vector<double> middle, half;
-    std::vector<std::vector<int>> pairs;  // of each interval
+    std::vector<int> common;             // pairs, on every interval
+    std::vector<std::vector<int>> more;  // of each interval
 };
 
 struct PlaneRules {
     double asked, share, far;  // m: the clearance; share of the nearest distance beyond it; no more beyond it
     double cap[2];             // m, more is not proved of either kind
     double narrowest;          // s, shorter intervals are not looked at
-    int most;                  // normals proposed, and intervals, after which the proof is given up
+    int most_intervals, most_queries;  // intervals, and normals proposed, after which the proof is given up
 };
 
 // The nearest of a kind in the middles of intervals: its gap, m, pair (-1: none), and when, s.
@@ -78,10 +79,11 @@ struct PlaneVerdict {
     bool given_up = false;  // bodies touch, or the work is too much
     double least[2] = {HUGE_VAL, HUGE_VAL};
     NearestGap nearest[2], hull[2];  // of bodies; of outlines that hold them
-    std::vector<int> left_interval, left_pair;
+    std::vector<int> left_interval, left_pair;  // not proved; each once
     int intervals = 0, queries = 0;
 };
 
+// Not for two threads at once.
 class PlaneProof {
   public:
     static constexpr double ROUNDING = 1e-9;  // m
@@ -147,6 +149,7 @@ class PlaneProof {
     std::vector<double> lever_, travelled_;                          // (bodies, J + 1)
     std::vector<double> planned_;                                    // scratch, (6, n)
     std::vector<Open> open_;
+    std::vector<int> left_on_;  // of each pair: the interval on which it was left last; -1
 };
 
 }  // namespace optiplan

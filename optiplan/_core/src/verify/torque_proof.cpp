@@ -7,7 +7,7 @@ namespace optiplan {
 
 static constexpr double ROUNDING = 1e-12;  // share of the sum of all that adds up to a torque
 static constexpr int ORDERS = 5, DEPTH = 24;
-static constexpr int MOST = 5000;  // intervals, after which a proof is given up
+static constexpr int MOST = 5000, MOST_OF_PIECE = 8;  // intervals, and more a piece, after which a proof is given up
 static constexpr double FACTORIALS[ORDERS] = {1.0, 1.0, 2.0, 6.0, 24.0};
 
 TorqueProof::TorqueProof(const Tree &tree, std::vector<double> armature)
@@ -134,15 +134,15 @@ bool TorqueProof::part(const Curve &curve, int piece, double begin, double width
         }
     }
     bounds(motion.data(), size.data(), curvature.data());
+    const bool last = depth == 0 || intervals_left_-- <= 0;
     bool proved = true;
     for (std::size_t j = 0; j < n && proved; ++j) {
         const double ends = std::max(std::fabs(left[j]), std::fabs(right[j])), spare = ROUNDING * size[j];
-        if (!(ends + spare <= limits[j]) || ((depth == 0 || ++intervals_ > MOST) &&
-                                             !(ends + spare + 0.125 * width * width * curvature[j] <= limits[j]))) {
+        proved = ends + spare + 0.125 * width * width * curvature[j] <= limits[j];
+        if (!(ends + spare <= limits[j]) || (last && !proved)) {
             found = {static_cast<int>(j), curve.breakpoints[piece] + begin, ends};
             return false;
         }
-        proved = ends + spare + 0.125 * width * width * curvature[j] <= limits[j];
     }
     if (proved) return true;
     std::vector<double> between(n);
@@ -153,7 +153,7 @@ bool TorqueProof::part(const Curve &curve, int piece, double begin, double width
 
 TorqueProof::Overload TorqueProof::overload(const Curve &curve, const std::vector<double> &limits) {
     Overload found;
-    intervals_ = 0;
+    intervals_left_ = MOST + MOST_OF_PIECE * (static_cast<int>(curve.breakpoints.size()) - 1);
     const std::size_t n = static_cast<std::size_t>(curve.joints);
     std::vector<double> left(n), right(n);
     for (std::size_t piece = 0; piece + 1 < curve.breakpoints.size(); ++piece) {

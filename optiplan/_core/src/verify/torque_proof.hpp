@@ -38,7 +38,7 @@ class TorqueProof {
     InverseDynamics dynamics_;
     std::vector<double> armature_, offset_, lever_, inertia_;
     double gravity_;
-    int intervals_ = 0;
+    int intervals_left_ = 0;
     std::vector<double> q_, turn_, fixed_, axis_, origin_, force_, moment_;  // (orders, joints)
 };
 

@@ -15,7 +15,7 @@ from optiplan.arrays import Array
 from optiplan.config.messages import some
 from optiplan.geometry.meshes.triangles import Triangles
 from optiplan.importers.robots.polyhedra import ellipsoid_hull
-from optiplan.importers.robots.urdf_shapes import MeshFiles, add_shape
+from optiplan.importers.robots.urdf_tree import MeshFiles, add_shape
 from optiplan.robot.urdf.elements import number_words
 
 SEEN = 3

@@ -15,8 +15,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.config.messages import some
 from optiplan.importers.robots.description import Description
-from optiplan.importers.robots.urdf_shapes import MeshFiles, add_shape
-from optiplan.importers.robots.urdf_tree import FAR, WORLD, UrdfTree, moved, torques_without
+from optiplan.importers.robots.urdf_tree import FAR, WORLD, MeshFiles, UrdfTree, add_shape, moved, torques_without
 from optiplan.importers.robots.usd.joints import SLIDES, TURNS, UsdJoint, read_joints
 from optiplan.importers.robots.usd.masses import body_inertia
 from optiplan.importers.robots.usd.shapes import NOT_READ, UsdShape, gprims, shape_of

@@ -14,8 +14,7 @@ from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progres
 from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.seams.seam_motion import run_up
 from optiplan.planners.task.chains import of_step
-from optiplan.planners.task.joined import standing_still
-from optiplan.planners.task.planned_steps import PlannedStep, object_and_link
+from optiplan.planners.task.planned_steps import PlannedStep, object_and_link, standing_still
 from optiplan.planners.task.rides.meeting import MeetingSearch
 from optiplan.planners.task.rides.riding import TimedPart, free_in_time, until_end
 from optiplan.planners.task.stages import WorldState

@@ -12,8 +12,7 @@ from optiplan.planners.trajopt.bspline_basis import FIXED
 from optiplan.planners.trajopt.nonlinear.blocks import LinearRows, Parameters, RowBlock, function_of, slots_for
 from optiplan.planners.trajopt.program.qp import REGULARISATION
 from optiplan.planners.trajopt.program.transcription import Transcription
-from optiplan.planners.trajopt.terms.integrals import IntegralCost, shares
-from optiplan.planners.trajopt.terms.jerk import JerkCost
+from optiplan.planners.trajopt.terms.integrals import IntegralCost, JerkCost, shares
 from optiplan.planners.trajopt.terms.term import Cost, Curve, SoftRows, Term
 
 SHORTEST, LONGEST = 0.5, 2.0

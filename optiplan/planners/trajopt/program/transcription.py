@@ -8,7 +8,7 @@ from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.trajopt.bspline_basis import SplineBasis
 from optiplan.planners.trajopt.terms.contacts import ContactTerm, Margins, TimedContactTerm
-from optiplan.planners.trajopt.terms.jerk import JerkCost
+from optiplan.planners.trajopt.terms.integrals import JerkCost
 from optiplan.planners.trajopt.terms.term import Cost, CostModel, Curve, Instants, Term
 from optiplan.planners.trajopt.terms.torques import TorqueTerm
 from optiplan.problem.problem import Problem

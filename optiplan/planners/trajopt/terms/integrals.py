@@ -1,4 +1,4 @@
-"""Costs that are integrals over the motion: sums of squares of residuals, with Gauss-Newton second derivatives."""
+"""Costs that are integrals over the motion: jerk, and sums of squares of residuals with Gauss-Newton derivatives."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -7,7 +7,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
-from optiplan.planners.trajopt.bspline_basis import REACH
+from optiplan.planners.trajopt.bspline_basis import REACH, SplineBasis
 from optiplan.planners.trajopt.terms.term import Cost, CostModel, Curve
 from optiplan.planners.trajopt.terms.torques import TorqueTerm
 from optiplan.problem.objectives.objective import PLAIN
@@ -16,7 +16,6 @@ from optiplan.problem.problem import Problem
 
 if TYPE_CHECKING:
     from optiplan.kinematics.symbolic.state import SymbolicState
-
 
 _STILL = 1e-2
 """Speed, rad/s or m/s, below which path length is smoothed: it has no derivative at rest."""
@@ -140,3 +139,32 @@ def shares(u: Array) -> Array:
     """Return the share of the motion (N,) that each sample at u (N,) stands for: half-way to its neighbours."""
     edges = np.concatenate([[0.0], 0.5 * (u[1:] + u[:-1]), [1.0]])
     return np.diff(edges)
+
+
+class JerkCost:
+    """w * (integral of squared jerk) = w T^-5 C' H C; exact at all times."""
+
+    name = "jerk"
+    timed = True
+
+    def __init__(self, weight: float, basis: SplineBasis) -> None:
+        self.weight, self.basis = weight, basis
+        self._half = basis.by_variables(basis.jerk_gram)  # (K, M)
+        gram = basis.by_variables(self._half.T)  # (M, M)
+        points = len(gram)
+        self._band = np.zeros((points, REACH))
+        for d in range(min(REACH, points)):
+            self._band[: points - d, d] = np.diagonal(gram, d)
+
+    def value(self, curve: Curve) -> float:
+        """Return the weighted cost, s."""
+        scale = self.weight * curve.duration**-5
+        return scale * float(np.sum(curve.control * (self.basis.jerk_gram @ curve.control)))
+
+    def model(self, curve: Curve) -> CostModel:
+        """Return the cost with its derivatives."""
+        scale, cost = self.weight * curve.duration**-5, self.value(curve)
+        gradient = 2.0 * scale * (self._half.T @ curve.control).ravel()
+        joints = curve.control.shape[1]
+        band = np.repeat(2.0 * scale * self._band[:, :, None], joints, axis=2)
+        return CostModel(cost, gradient, -5.0 * cost / curve.duration, band)

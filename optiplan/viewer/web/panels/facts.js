@@ -10,7 +10,7 @@ const OptiPlanFacts = (() => {
   // for the places where a task stops.
   function quality(ratio, ofStops) {
     const more = 100 * (ratio - 1), least = `the least possible time ${ofStops ? "from stop to stop" : "for this end"}`;
-    return more < 0.5 ? `at ${least}` : `${more < 10 ? more.toFixed(1) : more.toFixed(0)} % above ${least}`;
+    return more < 0.5 ? `within 0.5 % of ${least}` : `${more < 10 ? more.toFixed(1) : more.toFixed(0)} % above ${least}`;
   }
 
   // Verified runs first, then refused ones, both by duration; then those without a motion: [run, its index] each.

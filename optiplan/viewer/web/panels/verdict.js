@@ -105,7 +105,7 @@ const OptiPlanVerdict = (() => {
       checks.append(...asked.map((check) => row(check, jump)));
       const details = make("details", "opened");
       details.open = true;
-      details.append(make("summary", "", failed ? `${failed} of ${run.checks.length} checks failed` : `${run.checks.length} checks passed`), checks);
+      details.append(make("summary", "", failed ? `${failed} of ${run.checks.length} checks failed` : `${run.checks.length} check${run.checks.length === 1 ? "" : "s"} passed`), checks);
       if (trivial.length) {
         const rows = make("div", "checks");
         rows.append(...trivial.map((check) => row(check, jump)));

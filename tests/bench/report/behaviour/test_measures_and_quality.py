@@ -12,7 +12,7 @@ import pytest
 
 from optiplan.bench.report.analysis import analyse, analyse_results
 from optiplan.bench.report.page import all_tables, write_page
-from optiplan.bench.report.quality import best_known
+from optiplan.bench.report.quality import _median, best_known
 from optiplan.bench.report.tables.cells import Cell, Head, ReportTable
 from optiplan.bench.report.tables.formats import as_csv, as_latex, escaped, write_tables
 from optiplan.bench.report.tables.measure_tables import digits, measure_table, problem_table, quality_table
@@ -98,6 +98,13 @@ def test_quality_is_of_all_runs_by_the_best_known(store):
     table = quality_table(analyse(store))
     assert [head.text for head in table.heads] == ["planner", "by 0.1 s", "by 1 s", "by 10 s", "in the end"]
     assert table.rows[0][1].text == "– 0.0 % answered"
+
+
+def test_an_interval_that_reaches_runs_without_an_answer_has_no_upper_end():
+    """Percentiles lie between resamples, so an end may take a fraction of what stands for no answer."""
+    ratio = np.where(np.arange(27) < 18, np.linspace(1.0, 1.2, 27), np.inf)
+    value, low, high = _median(ratio, np.arange(27), seed=0)
+    assert (value, low < value, high) == (pytest.approx(1.1), True, math.inf)
 
 
 def test_tables_of_measures_and_problems(store):

@@ -148,6 +148,9 @@ def test_motions_without_a_bound_are_not_ranked_by_it(store):
     store._db.execute("UPDATE runs SET lower_bound = 0")  # the robot need not move
     assert [card[0] for card in cards(analyse(store))] == ["Most reliable", "Quickest to plan, median"]
     assert "Shortest motions" not in write_page(store, analyse(store), pages=0).read_text()
+    store._db.execute("UPDATE runs SET plan_time = NULL")  # nor by a time that nobody took
+    assert [card[0] for card in cards(analyse(store))] == ["Most reliable"]
+    assert "Quickest to plan" not in write_page(store, analyse(store), pages=0).read_text()
 
 
 class Reader(HTMLParser):

@@ -33,6 +33,7 @@ ROWS = {
 def store(tmp_path):
     """A problem of two runs that end in different configurations and of one that was refused, and one without a way."""
     parts = {"seeds": [0], "repetitions": 1, "budget": 5.0, "limits": {"wall": 9.0, "memory": 500}, "metrics": None}
+    parts |= {"planners": {label: ["quintic", {}] for label in ROWS}, "problems": {"s/many": [], "s/still": []}}
     meta = {"name": "made", "suite": "", "suite_hash": "", "parts": parts, "code": {}}
     problems = tuple(BenchProblem(f"s/{name}", "s", None, name, {}, {}) for name in ("many", "still"))
     with Store.create(tmp_path / "out", meta) as store:

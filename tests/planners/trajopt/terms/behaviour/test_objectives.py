@@ -9,8 +9,7 @@ import optiplan as op
 from optiplan.collision.native_model import planning_model
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.initial_guess import along_path
-from optiplan.planners.trajopt.terms.integrals import integral_costs
-from optiplan.planners.trajopt.terms.jerk import JerkCost
+from optiplan.planners.trajopt.terms.integrals import JerkCost, integral_costs
 from optiplan.planners.trajopt.terms.term import Curve, Instants
 from optiplan.problem.objectives.objective import UNITS
 from optiplan.problem.problem import derived
