@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from optiplan.arrays import Array, Index
+from optiplan.arrays import Array, Index, ReadOnlyArrays
 
 _LEAST = 1e-9
 """Length below which a direction that is interpolated is no direction."""
@@ -16,7 +16,7 @@ _FINEST = 64
 
 
 @dataclass(frozen=True, eq=False)
-class SeamCurve:
+class SeamCurve(ReadOnlyArrays):
     """A curve c(s) of K polynomial pieces over its length s, m, and the tool's axes along it.
 
     On piece k, with u = s - breakpoints[k], c(s) = sum_i position[k, i] u^i; the same of the vectors w(s) and h(s).
