@@ -112,8 +112,10 @@ class ParabolicMotion:
         Raises:
             InputError: blends overlap, in that duration or at the times given.
         """
-        if duration is None or len(self.points) == 1:
+        if duration is None:
             return self._shortest
+        if len(self.points) == 1:
+            return self._shortest.scaled(duration)
         return self._chosen(self._times.factor(duration))
 
     @cached_property
