@@ -46,7 +46,11 @@ class ToolMotionOptions(PlannerOptions):
         "problem allows; `jerk` keeps jerk limits; `uniform` is one S-curve, everywhere slowed down alike. None: "
         "`jerk` where there are jerk limits, else `trapezoid`.",
     )
-    duration: float | None = option(None, "s; None is the shortest within all limits.", above=0)
+    duration: float | None = option(
+        None,
+        "s, of the tool's path, without a change of branch before it; None is the shortest within all limits.",
+        above=0,
+    )
     free_orientation: bool = option(False, "only the position is prescribed.")
     change_branch: bool = option(
         False, "if the start's branch of the inverse kinematics leads nowhere, move to another one first."

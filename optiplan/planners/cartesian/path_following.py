@@ -13,7 +13,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure
-from optiplan.planners.cartesian.diagnosis import first_ending, stuck
+from optiplan.planners.cartesian.diagnosis import Ending, first_ending, stuck
 from optiplan.planners.cartesian.differential_ik import Tracker
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.tolerances import NO_MOTION
@@ -55,8 +55,9 @@ def follow(model: CollisionModel, tracker: Tracker, start: Array, budget: Budget
 
     Returns:
         A Failure where the path cannot be followed to its end: `limits`, `collision`, `singularity`, `reach`,
-        `budget`, `cancelled`. `no-path`: it ends in another configuration than the aim's goal. `unsupported`: the robot
-        has too few joints. Its witness has the `fraction` (s), `pose`, `q` and the `cause`.
+        `budget`, `cancelled`. `no-path`: it ends in another configuration than the aim's goal, or takes more than 3000
+        knots. `unsupported`: the robot has too few joints. Its witness has the `fraction` (s), `pose`, `q` and the
+        `cause`.
 
     Raises:
         ValueError: the start does not have the frame at path(0), within 1e-6 m and rad.
@@ -66,6 +67,10 @@ def follow(model: CollisionModel, tracker: Tracker, start: Array, budget: Budget
         return out_of_time(budget, _DOING)
     if len(knots.s) < 2:
         return stuck(tracker, 0.0, start)
+    if len(knots.s) == _MOST_KNOTS and knots.s[-1] < 1.0:
+        words = f"so far the joints' path has {_MOST_KNOTS} knots, and no path may have more"
+        long = Ending(knots.s[-1], knots.state[-1][0], "no-path", "knots", words, {})
+        return long.failure(tracker.path.pose(long.s))
     followed = knots.path(tracker.robot.joint_names)
     ending = first_ending(model, tracker, followed, budget)
     if ending is not None:

@@ -11,6 +11,7 @@ import pytest
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.scene import Scene
 from optiplan.planners.base import Budget, Failure
+from optiplan.planners.cartesian import path_following
 from optiplan.planners.cartesian.diagnosis import limit_crossing
 from optiplan.planners.cartesian.differential_ik import Aim, Tracker
 from optiplan.planners.cartesian.path_following import follow
@@ -192,6 +193,12 @@ def test_two_joints_cannot_do_what_takes_six():
         CollisionModel(robot, Scene(())), Tracker(robot, robot.limits, robot.tool_frame, path, Aim()), q, Budget(5.0)
     )
     assert (failure.kind, failure.witness["fraction"]) == ("unsupported", 0.0)
+
+
+def test_a_path_of_too_many_knots_says_so(monkeypatch):
+    monkeypatch.setattr(path_following, "_MOST_KNOTS", 4)
+    failure = run("ur5", paths("ur5")["line"])
+    assert (failure.kind, failure.witness["cause"]) == ("no-path", "knots")
 
 
 def test_first_crossing_of_a_limit_is_found():
