@@ -1,12 +1,13 @@
 """Schema of planner options: dataclass fields with descriptions and ranges."""
 
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, fields
-from math import inf, isfinite
+from dataclasses import MISSING, Field, dataclass, field, fields
+from math import inf
+from sys import float_info
 from types import NoneType
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic import ConfigDict, PydanticUserError, TypeAdapter, ValidationError
 
 from optiplan.config.messages import describe
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
@@ -14,6 +15,7 @@ from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
 Value = TypeVar("Value")
 
 _KEY = "optiplan"
+_TYPES = ConfigDict(strict=True, arbitrary_types_allowed=True)  # of a third-party class: an array, say
 _KINDS = {"float": "a number", "int": "a whole number", "bool": "true or false", "str": "text"}
 
 
@@ -55,7 +57,7 @@ class Meaning:
             return self.size in (None, len(value)) and all(map(self.holds, value))
         if isinstance(value, str | NoneType):
             return True
-        return isfinite(value) and self.least <= value <= self.most and value > self.above
+        return bool(abs(value) <= float_info.max and self.least <= value <= self.most and value > self.above)
 
     def __str__(self) -> str:
         """Return the allowed values in words."""
@@ -94,7 +96,10 @@ class PlannerOptions:
 
 @dataclass(frozen=True)
 class Option:
-    """One option of a planner: its type in words (`float`, `list of float`, `a | b`), default and description."""
+    """One option of a planner: its type in words (`float`, `list of float`, `a | b`), default and description.
+
+    The default of an option that has none, which only a third-party planner may have, is `required`.
+    """
 
     name: str
     kind: str
@@ -105,11 +110,13 @@ class Option:
 def options_of(cls: type[Any]) -> tuple[Option, ...]:
     """Return the options of an options dataclass."""
     types, texts = get_type_hints(cls), meanings(cls)
-    return tuple(
-        Option(f.name, kind_of(types[f.name]), f.default, texts[f.name].text)
-        for f in fields(cls)
-        if f.default is not MISSING
-    )
+    return tuple(Option(f.name, kind_of(types[f.name]), _default(f), texts[f.name].text) for f in fields(cls) if f.init)
+
+
+def _default(of: Field[Any]) -> Any:
+    if of.default_factory is not MISSING:
+        return of.default_factory()
+    return "required" if of.default is MISSING else of.default
 
 
 def meanings(cls: type[Any]) -> dict[str, Meaning]:
@@ -133,8 +140,8 @@ def make_options(planner: str, cls: type[Any], given: Mapping[str, Any]) -> Any:
             described = [f"{o.name} ({o.kind}, default {o.default})" for o in valid.values()]
             raise UnknownChoiceError(f"option of planner '{planner}'", key, described)
         try:
-            values[key] = TypeAdapter(types[key], config=ConfigDict(strict=True)).validate_python(_frozen(value))
-        except ValidationError:
+            values[key] = TypeAdapter(types[key], config=_TYPES).validate_python(_frozen(value))
+        except (ValidationError, PydanticUserError):  # or a type that pydantic does not know
             issues.append(Issue.of_option(planner, key, describe(value), in_words(valid[key].kind)))
     if issues:
         raise InputError(issues)
@@ -142,7 +149,7 @@ def make_options(planner: str, cls: type[Any], given: Mapping[str, Any]) -> Any:
         return cls(**values)
     except OptionError as error:
         raise option_error(planner, error.option, error.found, error.expected) from None
-    except ValueError as error:  # a third-party class
+    except (TypeError, ValueError) as error:  # a third-party class; TypeError where a required option is not given
         expected = "options as `optiplan planners NAME` describes them"
         raise option_error(planner, "options", str(error), expected) from None
 
@@ -179,4 +186,4 @@ def _frozen(value: Any) -> Any:
 
 
 def _shown(value: Any) -> str:
-    return str(list(value)) if isinstance(value, tuple) else str(value)
+    return str(list(value)) if isinstance(value, tuple) else describe(value)

@@ -70,15 +70,21 @@ def options_set(planner: Planner[Any]) -> dict[str, Any]:
     return {f.name: value for f in fields(options) if (value := getattr(options, f.name)) != f.default}
 
 
+_STATED = (
+    *("passes_vias", "joins_legs", "holds_constraints", "end_derivatives", "times_obstacles"),
+    *("replan", "near", "check"),
+)
+"""What an object may have beside `plan`, with the meaning of `Planner`."""
+
+
 class _Adapter(Planner[Any]):
     """Adapter of an object whose class is not derived from `Planner`; its own class takes the name of that class."""
 
     def __init__(self, planner: Any) -> None:
         super().__init__(getattr(planner, "options", None))
         self.planner = planner
-        self.passes_vias = bool(getattr(planner, "passes_vias", False))
-        self.end_derivatives = int(getattr(planner, "end_derivatives", 0))
-        self.times_obstacles = bool(getattr(planner, "times_obstacles", False))
+        for name in _STATED:
+            setattr(self, name, getattr(planner, name, getattr(self, name)))
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Return the result of the object."""

@@ -15,6 +15,9 @@ from optiplan.robot.robot import Robot
 
 KEY = "tracking_error"
 
+_SPARE = 1e-6
+"""rad or m: what the verifier lets position limits be passed by is left to it."""
+
 TrackingError = float | Sequence[float] | Mapping[str, float]
 """rad or m: one number for all joints, or a value for each."""
 
@@ -49,6 +52,11 @@ def error_argument(function: str, robot: Robot, value: TrackingError | Array) ->
     return error
 
 
+def room_at_limits(error: Array) -> Array:
+    """Return how far motions stay from limits of position (n,), rad or m: where there is an error, 1e-6 more."""
+    return np.where(error > 0.0, error + _SPARE, 0.0)
+
+
 class StatedEnd(NamedTuple):
     """Values q (k,), rad or m, of some joints, and where they are stated."""
 
@@ -69,10 +77,10 @@ def nearer_than_error(
 
 
 def _near(document: Document, robot: Robot, limits: Limits, error: Array, end: StatedEnd) -> list[Issue]:
-    issues = []
+    issues, room = [], room_at_limits(error)
     for name, value in zip(end.joints, end.q.tolist(), strict=True):
         j = robot.joint_names.index(name)
-        low, high = limits.lower[j] + error[j], limits.upper[j] - error[j]
+        low, high = (float(f"{bound:.10g}") for bound in (limits.lower[j] + room[j], limits.upper[j] - room[j]))
         if error[j] > 0.0 and not low <= value <= high:
             found = f"{name} = {value:.10g}, nearer to its limit than the tracking error"
             fits = f"a value in [{low:.10g}, {high:.10g}]" if low <= high else "a smaller tracking error"

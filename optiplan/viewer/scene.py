@@ -161,7 +161,7 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
     poses, shown = Poses(problem), []
     for run in viewed:
         own = run.problem or problem
-        names = own.scene.names if several else sorted(moving)
+        names = sorted({*own.scene.names, *moved_by(own.task)}) if several else sorted(moving)
         seen = run_for_page(own, Poses(own) if several else poses, run, detail)
         shown.append(seen | {"objects": _moving_objects(parts, own, names, run.trajectory)})
     return SceneData(

@@ -1,7 +1,9 @@
 """Serve the page on a local port until ctrl-C, in one thread without child processes."""
 
+import sys
 from collections.abc import Callable, Sequence
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
 
 from optiplan.errors import OptiPlanError
 from optiplan.problem.problem import Problem
@@ -41,6 +43,11 @@ class PageServer(ThreadingHTTPServer):
                 reason = error
         tried = f"port {port}" if last == port + 1 else f"ports {port} to {last - 1}"
         raise OptiPlanError(f"cannot serve the page on {host}, {tried}: {reason}")
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Print what went wrong, but not that a browser went away before it had its answer."""
+        if not isinstance(sys.exc_info()[1], ConnectionError):
+            super().handle_error(request, client_address)
 
     def answer(self, path: str) -> bytes | None:
         """Return the page at an address of this server, without its host; None: no such page."""

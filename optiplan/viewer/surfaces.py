@@ -120,7 +120,7 @@ def bounded(surface: Surface) -> Surface:
 
 
 def _merged(surface: Surface, cell: float) -> Surface:
-    """One vertex (the mean) for all in one cell of a grid of width `cell` (m); faces that collapse are dropped."""
+    """One vertex (the mean) for all in one cell of a grid of width `cell` (m); collapsed and repeated faces go."""
     keys = np.round(surface.vertices / max(cell, 1e-12)).astype(np.int64)
     _, index = np.unique(keys, axis=0, return_inverse=True)
     index = index.reshape(-1)
@@ -128,7 +128,9 @@ def _merged(surface: Surface, cell: float) -> Surface:
     sums = np.stack([np.bincount(index, weights=column) for column in surface.vertices.T], axis=1)
     faces = index[surface.faces]
     a, b, c = faces.T
-    return Surface(sums / count, faces[(a != b) & (b != c) & (c != a)], surface.colour)
+    faces = faces[(a != b) & (b != c) & (c != a)]
+    _, first = np.unique(faces, axis=0, return_index=True)
+    return Surface(sums / count, faces[np.sort(first)], surface.colour)
 
 
 def hull_surface(points: Array) -> Surface:

@@ -21,6 +21,7 @@ from optiplan.planners.registry import make_planner
         ("circle", {"radius": -0.1, "plane": "xy"}, "radius", "-0.1", "a number > 0"),
         ("circle", {}, "centre", "nothing", "centre and normal, or radius and plane"),
         ("sclerp", {"goals": 0}, "goals", "0", "a number > 0"),
+        ("sclerp", {"goals": 10**400}, "goals", "1" + 56 * "0" + "…", "a number > 0"),
     ],
 )
 def test_a_value_that_does_not_fit_is_told_with_what_would(planner, options, field, found, expected):

@@ -1,8 +1,9 @@
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Literal
 
+import numpy as np
 import pytest
 
 from optiplan.errors import InputError, UnknownChoiceError
@@ -124,6 +125,29 @@ def test_a_planner_from_outside_is_named_by_module_and_class(monkeypatch):
     for name, words in (("nowhere:Still", "No module named 'nowhere'"), ("somewhere:Bare", "no attribute 'Options'")):
         with pytest.raises(InputError, match=words):
             make_planner(name)
+
+
+@dataclass(frozen=True)
+class NeedyOptions:
+    speed: float
+    places: list[float] = field(default_factory=lambda: [1.0])
+    weights: np.ndarray | None = None
+
+
+def test_options_without_a_plain_default(monkeypatch):
+    class Needy(Still):
+        Options = NeedyOptions
+
+    monkeypatch.setitem(sys.modules, "somewhere", SimpleNamespace(Needy=Needy))
+    listed = [(one.name, one.default) for one in planner_entry("somewhere:Needy").option_list()]
+    assert listed == [("speed", "required"), ("places", [1.0]), ("weights", None)]
+    assert make_planner("somewhere:Needy", {"speed": 2.0, "weights": np.ones(2)}).options.speed == 2.0
+    for options, words in (
+        ({}, "'speed'"),
+        ({"speed": 1.0, "weights": [1, 2]}, "weights: a list of 2 values; expected ndarray"),
+    ):
+        with pytest.raises(InputError, match=words):
+            make_planner("somewhere:Needy", options)
 
 
 @dataclass(frozen=True)

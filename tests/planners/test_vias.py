@@ -120,6 +120,18 @@ def test_given_velocities_are_kept():
         assert motion.duration == pytest.approx(options.get("duration", motion.duration))
 
 
+@pytest.mark.parametrize("options", [{"velocities": "given"}, {"velocities": "continuous"}, None])
+def test_a_via_at_an_end_is_passed_at_rest(options):
+    name, options = ("parabolic", {}) if options is None else ("spline", options)
+    here = Via(JointGoal(cases.READY), velocity=np.full(7, 0.1))
+    there = Via(JointGoal(cases.LEFT), velocity=np.full(7, 0.1))
+    motion = answer(name, problem(here, there, jerk=False), **options)
+    assert np.abs(motion(np.array([0.0, motion.duration]), 1)).max() < 1e-9
+    still = derived(problem(here, jerk=False), goal=(JointGoal(cases.READY),))
+    motion = answer(name, still, duration=2.0, **options)
+    assert motion.duration == pytest.approx(2.0)
+
+
 def test_a_longer_duration_is_kept_and_a_shorter_one_refused():
     assert answer("spline", problem(), duration=7.5).duration == pytest.approx(7.5)
     failure = answer("spline", problem(), duration=0.7)

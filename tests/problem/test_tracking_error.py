@@ -1,5 +1,7 @@
 """`tracking_error` of a problem: what can be stated, what it is, and what is refused."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -64,8 +66,12 @@ def test_a_start_nearer_to_its_limit_than_the_error(problem):
     upper = problem.robot.limits.upper
     near = problem.with_start(np.append(problem.start[:-1], upper[-1] - 0.01))
     assert near.with_parts(tracking_error=0.009).tracking_error[0] == 0.009
-    with pytest.raises(InputError, match=r"op\.plan: start: panda_joint7 = .* nearer to its limit than the tracking"):
+    words = r"op\.plan: start: panda_joint7 = .* nearer to its limit than the tracking .* a value in \[.*, (.*)\]"
+    with pytest.raises(InputError, match=words) as caught:
         op.plan(near, tracking_error=0.011)
+    fits = float(re.search(words, str(caught.value))[1])
+    farthest = problem.with_start(np.append(problem.start[:-1], fits))
+    assert op.plan(farthest, "quintic", tracking_error=0.011).verified
 
 
 def test_vias_and_ends_of_moves_nearer_to_a_limit_than_the_error(problem):

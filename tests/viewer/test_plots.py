@@ -4,7 +4,9 @@ import csv
 
 import numpy as np
 import pytest
+import trimesh
 
+import optiplan as op
 from optiplan.errors import InputError, UnknownChoiceError
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.plots.curves import motion_curves
@@ -97,12 +99,16 @@ def test_the_path_has_its_frames_in_space_and_in_planes(run):
     np.testing.assert_allclose(x_axis, size * run.curves.X_WT[0, :2, 0], atol=1e-9)
 
 
-def test_outlines_are_of_the_obstacles(shelf):
+def test_outlines_are_of_the_obstacles(shelf, tmp_path):
     found = list(outlines(shelf.scene, (0, 1)))
     assert len(found) == 4  # the half-space has none
     np.testing.assert_allclose([found[0].min(axis=0), found[0].max(axis=0)], [[0.55, -0.45], [0.95, 0.45]])
     ball = found[1] - [0.7, -0.2]
     assert np.linalg.norm(ball, axis=1).max() == pytest.approx(0.05)
+    sheet = trimesh.Trimesh([[0, 0, 0], [1, 1, 0], [1, 1, 1], [0, 0, 1]], [[0, 1, 2], [0, 2, 3]], process=False)
+    sheet.export(tmp_path / "sheet.stl")
+    slanted = op.Scene([op.Mesh("sheet", str(tmp_path / "sheet.stl"))])
+    assert [len(list(outlines(slanted, plane))) for plane in ((0, 1), (0, 2), (1, 2))] == [0, 1, 1]
 
 
 @pytest.mark.parametrize("kind", HEADS)

@@ -16,7 +16,7 @@ from optiplan.viewer.plots.refined_extrema import PieceSamples, refined_extrema
 from optiplan.viewer.run_data.attempts import found_by
 from optiplan.viewer.run_data.checks import checks_of
 from optiplan.viewer.run_data.clearance import clearance_of
-from optiplan.viewer.run_data.closed_loop import LOG, read_log
+from optiplan.viewer.run_data.closed_loop import LOG, NEEDED, read_log
 from optiplan.viewer.run_data.curves import curves_of, short_names, tool_frames
 from optiplan.viewer.runs import ViewedRun, stops_told
 from optiplan.viewer.scene import build_scene
@@ -229,8 +229,14 @@ def test_how_a_run_was_found(proof):
 def test_a_damaged_log_is_refused_in_words(tmp_path):
     np.savez_compressed(tmp_path / LOG, t=np.arange(100.0), q=np.zeros((100, 2)))
     whole = (tmp_path / LOG).read_bytes()
-    for size in (0, 3, 60, len(whole) // 2, len(whole)):
-        (tmp_path / LOG).write_bytes(whole[:size])
+    flipped = bytearray(whole)
+    flipped[90:95] = bytes(255 - byte for byte in whole[90:95])
+    damaged = [*(whole[:size] for size in (0, 3, 60, len(whole) // 2, len(whole))), bytes(flipped)]
+    for rows in (np.zeros((0, 2)), np.full((3, 2), np.nan)):
+        np.savez(tmp_path / LOG, t=np.zeros(len(rows)), **dict.fromkeys(NEEDED[1:], rows))
+        damaged.append((tmp_path / LOG).read_bytes())
+    for content in damaged:
+        (tmp_path / LOG).write_bytes(content)
         with pytest.raises(op.InputError, match="log"):
             read_log(tmp_path)
 

@@ -1,6 +1,7 @@
 import os
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -33,6 +34,20 @@ def test_page_at_the_root_and_nothing_else():
         with pytest.raises(urllib.error.HTTPError, match="404"):
             urllib.request.urlopen(served.url + "etc/passwd")
         served.shutdown()
+
+
+def test_a_browser_that_goes_away_is_no_error(capfd):
+    with PageServer("x" * 20_000_000, port=0) as served:
+        threading.Thread(target=served.serve_forever, daemon=True).start()
+        with socket.create_connection(served.server_address) as browser:
+            browser.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            browser.recv(1000)
+            browser.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # as a reload does
+        served.shutdown()
+        for thread in threading.enumerate():
+            if "process_request_thread" in thread.name:
+                thread.join(PATIENCE)
+    assert capfd.readouterr().err == ""
 
 
 def test_busy_port_means_the_next_free_one(busy):

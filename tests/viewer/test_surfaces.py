@@ -72,6 +72,11 @@ def test_equal_vertices_are_merged():
     assert np.allclose(merged.vertices[merged.faces], soup.vertices[soup.faces], atol=1e-6)
 
 
+def test_equal_triangles_are_one_however_many_there_are():
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    assert len(bounded(Surface(corners, np.tile([[0, 1, 2]], (MAX_TRIANGLES + 1, 1)))).faces) == 1
+
+
 def test_too_many_triangles_become_fewer_and_keep_their_extent():
     fine = grid(160)
     coarse = bounded(fine)

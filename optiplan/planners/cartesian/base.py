@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.errors import InputError
-from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
+from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress, silent
 from optiplan.planners.cartesian.diagnosis import SINGULAR, farthest_failure, smallest_singular_value
 from optiplan.planners.cartesian.differential_ik import LIMIT_AVOIDANCES, Aim, Tracker, coupled_frames
 from optiplan.planners.cartesian.path_following import follow
@@ -46,7 +46,11 @@ class ToolMotionOptions(PlannerOptions):
         "problem allows; `jerk` keeps jerk limits; `uniform` is one S-curve, everywhere slowed down alike. None: "
         "`jerk` where there are jerk limits, else `trapezoid`.",
     )
-    duration: float | None = option(None, "s; None is the shortest within all limits.", above=0)
+    duration: float | None = option(
+        None,
+        "s, of the tool's path, without a change of branch before it; None is the shortest within all limits.",
+        above=0,
+    )
     free_orientation: bool = option(False, "only the position is prescribed.")
     change_branch: bool = option(
         False, "if the start's branch of the inverse kinematics leads nowhere, move to another one first."
@@ -83,7 +87,7 @@ class _Branch:
         there = derived(problem, goal=(JointGoal(self.q, 1e-9),), vias=())
         reasons = []
         for planner in (Quintic(), RrtConnect()):
-            result = planner.plan(there, budget.share(0.5), lambda stage, fraction: None)
+            result = planner.plan(there, budget.share(0.5), silent)
             if result.trajectory is not None:
                 return join_trajectories([result.trajectory, motion])
             reasons.append(result.failure)
@@ -160,7 +164,8 @@ class ToolMotion(Planner[Options]):
         """Return the motion on one branch, or why there is none."""
         branch, task = one.branch, one.task
         with work.watch.stage("following"):
-            followed = follow(work.model, task.path, task.frame, branch.q, work.budget, one.aim)
+            tracker = Tracker(work.problem.robot, work.problem.limits, task.frame, task.path, one.aim)
+            followed = follow(work.model, tracker, branch.q, work.budget)
         if isinstance(followed, Failure):
             return followed
         with work.watch.stage("timing"):
@@ -208,7 +213,7 @@ class ToolMotion(Planner[Options]):
         """Yield the plain aim; for a redundant arm also aims that avoid limits more, or end in a goal configuration."""
         plain = self._plain(problem, task)
         yield plain
-        tracker = Tracker(problem.robot, task.frame, task.path, plain)
+        tracker = Tracker(problem.robot, problem.limits, task.frame, task.path, plain)
         if tracker.redundant:
             yield replace(plain, avoidance=LIMIT_AVOIDANCES[1])
             exact = [] if task.goal is not None else [tracker.correct(1.0, q) for q in ends]
@@ -242,7 +247,8 @@ def _other_branches(work: PlanContext, task: _Task, count: int) -> list[_Branch]
     problem, X = work.problem, frame_pose(work.problem.robot, work.problem.start, task.frame)
     near = problem.start if task.goal is None else task.goal
     there = derived(problem, start=near, goal=(PoseGoal(task.frame, X),), vias=())
-    here = Tracker(problem.robot, task.frame, line(X, X), Aim())
+    aim = Aim(coupled=coupled_frames(problem, task.frame))
+    here = Tracker(problem.robot, problem.limits, task.frame, line(X, X), aim)
     many = 4 if smallest_singular_value(here, problem.start) <= SINGULAR else 1
     goals = ranked_goals(there, work.model, work.budget, many * (count + 1), nearer=False)
     exact = [here.correct(0.0, q) for q in ([] if isinstance(goals, Failure) else goals)]

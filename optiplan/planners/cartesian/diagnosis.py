@@ -63,17 +63,21 @@ def first_ending(model: CollisionModel, tracker: Tracker, followed: Trajectory, 
         followed: q over s from 0 as far as the path could be followed.
         budget: polled while obstacles are looked for.
     """
-    endings = [_limit(model.robot, followed), _obstacle(model, followed, budget)]
     if followed.duration < 1.0:
-        endings.append(_stuck(tracker, followed.duration, followed.end))
+        last: Ending | None = _stuck(tracker, followed.duration, followed.end)
     else:
-        endings.append(_other_branch(tracker, followed.end))
-    found = [ending for ending in endings if ending is not None]
-    if not found:
-        return None
-    first = min(found, key=lambda ending: ending.s)
-    shown = refused_path([followed], 0, first.s, model.robot.limits)
-    return replace(first, more=first.more | shown).failure(tracker.path.pose(first.s))
+        last = other_branch(tracker.robot, followed.end, tracker.aim.goal)
+    first = first_refusal(model, tracker.robot, followed, budget, last)
+    return None if first is None else first.failure(tracker.path.pose(first.s))
+
+
+def first_refusal(
+    model: CollisionModel, robot: Robot, path: Trajectory, budget: Budget, last: Ending | None = None
+) -> Ending | None:
+    """Return where q(s) first meets a limit or an obstacle, or its `last` ending; the refused path is in `more`."""
+    endings = [_limit(robot, path), _obstacle(model, path, budget), last]
+    first = min((one for one in endings if one is not None), key=lambda one: one.s, default=None)
+    return first and replace(first, more=first.more | refused_path([path], 0, first.s, robot.limits))
 
 
 def stuck(tracker: Tracker, s: float, q: Array) -> Failure:
@@ -140,7 +144,7 @@ def _stuck(tracker: Tracker, s: float, q: Array) -> Ending:
     twist, smallest = tracker.twist(s), smallest_singular_value(tracker, q)
     missing = twist - J @ (np.linalg.pinv(J, rcond=_NEAR) @ twist)
     more: dict[str, Any] = {"measure": smallest}
-    branch = _other_branch(tracker, q)
+    branch = other_branch(tracker.robot, q, tracker.aim.goal)
     if branch is not None and tracker.redundant and 1.0 - s < _BEYOND and smallest > SINGULAR:
         return branch
     if len(q) < len(J) and smallest > _NEAR and np.linalg.norm(missing) > _OUT_OF_RANGE * np.linalg.norm(twist):
@@ -160,12 +164,12 @@ def smallest_singular_value(tracker: Tracker, q: Array) -> float:
     return float(manipulability_measures((tracker.jacobian(q) / tracker.scale)[None]).smallest[0])
 
 
-def _other_branch(tracker: Tracker, end: Array) -> Ending | None:
-    goal = tracker.aim.goal
+def other_branch(robot: Robot, end: Array, goal: Array | None) -> Ending | None:
+    """Return the ending of a path whose last configuration (n,) is not the goal's (n,), if it has one to end in."""
     if goal is None or np.abs(end - goal).max() <= _GOAL_TOLERANCE:
         return None
     j = int(np.argmax(np.abs(end - goal)))
-    name = tracker.robot.joint_names[j]
+    name = robot.joint_names[j]
     words = (
         f"the path ends in another configuration than the goal's ('{name}' at {end[j]:.4g} instead of {goal[j]:.4g}); "
         "a pose as the goal leaves the configuration open"

@@ -9,7 +9,7 @@ where V is the twist of the path and d the drift of the redundancy: away from li
 goal configuration. The second derivative keeps J_z z'' = V' - J' q', so that the tool stays on its path whatever d.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -18,7 +18,7 @@ from optiplan.arrays import Array
 from optiplan.planners.cartesian.tool_path import FollowedPath
 from optiplan.problem.constraints.poses import RelativePose
 from optiplan.problem.problem import Problem
-from optiplan.robot.robot import Robot
+from optiplan.robot.robot import Limits, Robot
 
 LIMIT_AVOIDANCES = (4.0, 20.0)
 """Values of `Aim.avoidance` that redundant arms try, in this order."""
@@ -55,17 +55,16 @@ class CoupledFrame:
 
 
 class Tracker:
-    """Kinematics of a robot's frame along a tool path; one object a thread."""
+    """Kinematics of a robot's frame along a tool path, within the limits of a problem; one object a thread."""
 
-    def __init__(self, robot: Robot, frame: str, path: FollowedPath, aim: Aim) -> None:
-        self.robot, self.frame, self.path, self.aim = robot, frame, path, aim
-        self.scale = robot.limits.velocity
+    def __init__(self, robot: Robot, limits: Limits, frame: str, path: FollowedPath, aim: Aim) -> None:
+        self.robot, self.frame, self.path, self.aim = replace(robot, limits=limits), frame, path, aim
+        self.scale = limits.velocity
         own = np.arange(6 if aim.orientation else 3)
         self.rows = np.concatenate([own, np.arange(6, 6 + 6 * len(aim.coupled))])
         self.redundant = robot.n > len(self.rows)
         self._model, self._data, self._frame = robot.model, robot.model.createData(), robot.frame_id(frame)
         self._coupled = [(robot.frame_id(one.frame), one.X_FG) for one in aim.coupled]
-        limits = robot.limits
         self._bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper) & (limits.upper > limits.lower)
         low, high = np.where(self._bounded, limits.lower, -1.0), np.where(self._bounded, limits.upper, 1.0)
         self._middle, self._half = 0.5 * (low + high), 0.5 * (high - low)

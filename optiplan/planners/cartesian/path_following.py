@@ -13,9 +13,8 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure
-from optiplan.planners.cartesian.diagnosis import first_ending, stuck
-from optiplan.planners.cartesian.differential_ik import Aim, Tracker
-from optiplan.planners.cartesian.tool_path import FollowedPath
+from optiplan.planners.cartesian.diagnosis import Ending, first_ending, stuck
+from optiplan.planners.cartesian.differential_ik import Tracker
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.tolerances import NO_MOTION
 from optiplan.trajectory.joining import standstill
@@ -43,36 +42,36 @@ class _Knots:
         return hermite_trajectory(joint_names, np.array(self.s), np.array(self.state))
 
 
-def follow(
-    model: CollisionModel, path: FollowedPath, frame: str, start: Array, budget: Budget, aim: Aim | None = None
-) -> Trajectory | Failure:
+def follow(model: CollisionModel, tracker: Tracker, start: Array, budget: Budget) -> Trajectory | Failure:
     """Return the joint path q(s), s from 0 to 1, with the frame within 1e-6 m and 1e-6 rad of path(s) for all s.
 
-    Twice continuously differentiable; within the joint limits and free for all s.
+    Twice continuously differentiable; within the tracker's joint limits and free for all s.
 
     Args:
         model: of the robot in its scene.
-        path: of the frame.
-        frame: its name.
+        tracker: of the frame along its path.
         start: configuration (n,) that puts the frame at path(0).
         budget: polled at every step.
-        aim: what a redundant arm does with its freedom.
 
     Returns:
         A Failure where the path cannot be followed to its end: `limits`, `collision`, `singularity`, `reach`,
-        `budget`, `cancelled`. `no-path`: it ends in another configuration than the aim's goal. `unsupported`: the robot
-        has too few joints. Its witness has the `fraction` (s), `pose`, `q` and the `cause`.
+        `budget`, `cancelled`. `no-path`: it ends in another configuration than the aim's goal, or takes more than 3000
+        knots. `unsupported`: the robot has too few joints. Its witness has the `fraction` (s), `pose`, `q` and the
+        `cause`.
 
     Raises:
         ValueError: the start does not have the frame at path(0), within 1e-6 m and rad.
     """
-    tracker = Tracker(model.robot, frame, path, aim or Aim())
     knots = _march(tracker, start, budget)
     if budget.over:
         return out_of_time(budget, _DOING)
     if len(knots.s) < 2:
         return stuck(tracker, 0.0, start)
-    followed = knots.path(model.robot.joint_names)
+    if len(knots.s) == _MOST_KNOTS and knots.s[-1] < 1.0:
+        words = f"so far the joints' path has {_MOST_KNOTS} knots, and no path may have more"
+        long = Ending(knots.s[-1], knots.state[-1][0], "no-path", "knots", words, {})
+        return long.failure(tracker.path.pose(long.s))
+    followed = knots.path(tracker.robot.joint_names)
     ending = first_ending(model, tracker, followed, budget)
     if ending is not None:
         return out_of_time(budget, _DOING) if budget.over else ending

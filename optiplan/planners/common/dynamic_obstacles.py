@@ -10,7 +10,6 @@ from optiplan.collision.kept_models import kept_planning_model
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure, PlanResult
 from optiplan.planners.common.continuous_collision import Touch, first_contact
-from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.path_constraints.motion_check import Broken, PathConstraints, broken_constraint
 from optiplan.problem.problem import Problem, derived
 from optiplan.trajectory.joining import join_trajectories, standstill
@@ -22,17 +21,18 @@ STATIC = 0.6
 _HORIZON = 10.0
 """s: longest wait where an obstacle's motion never ends."""
 
-_WAITS = 60  # waits that are tried
+_WAITS = 60  # waits that are tried up to the horizon, and as many beyond
 _SLOWER = (1.0, 1.3, 1.7, 2.2, 3.0)  # factors on the duration that are tried
 _HALVINGS = 6  # of the interval in which the wait lies
 
 
 class Delayed(NamedTuple):
-    """A motion that begins `wait` seconds later and takes `slower` times as long."""
+    """The motion of this `number`, which begins `wait` seconds later and takes `slower` times as long."""
 
     motion: Trajectory
     wait: float
     slower: float
+    number: int
 
 
 def wait_for_obstacles(found: PlanResult, problem: Problem, budget: Budget) -> PlanResult:
@@ -73,7 +73,7 @@ def delayed(
         met = first_contact(model, one.motion, lambda: budget.over)
         broken = constraints.broken(one.motion) if met is None else []
         if met is None and not broken:
-            return _sooner(problem, one, motions, model, constraints)
+            return _sooner(problem, one, motions[one.number], model, constraints, budget)
         if budget.over:
             break
         touch = touch or met
@@ -87,7 +87,7 @@ def delayed(
         return Failure("unsupported", detail, touch.witness(motions[0]))
     detail = (
         f"{touch.words} at {touch.t:.3f} s, and neither waiting up to "
-        f"{_horizon(problem):.3g} s nor going {max(_SLOWER):g} times slower avoids what moves"
+        f"{_waits(problem)[-1]:.3g} s nor going {max(_SLOWER):g} times slower avoids what moves"
     )
     return Failure("collision", detail, touch.witness(motions[0]))
 
@@ -95,14 +95,14 @@ def delayed(
 def _in_order(problem: Problem, motions: Sequence[Trajectory]) -> Iterator[Delayed]:
     """Yield all motions with all delays that the ends allow, by their time of arrival."""
     timed = _states_times(problem)
-    waits = [0.0] if problem.moving_start or timed else np.linspace(0.0, _horizon(problem), _WAITS).tolist()
+    waits = [0.0] if problem.moving_start or timed else _waits(problem)
     slower = (1.0,) if problem.nonzero_ends or timed else _SLOWER
     ways = [
         (wait + factor * motion.duration, k, wait, factor)
         for (k, motion), wait, factor in product(enumerate(motions), waits, slower)
     ]
     for _, k, wait, factor in sorted(ways):
-        yield _delay(problem, motions[k], wait, factor)
+        yield _delay(motions[k], k, wait, factor)
 
 
 def _states_times(problem: Problem) -> bool:
@@ -111,31 +111,36 @@ def _states_times(problem: Problem) -> bool:
 
 
 def _sooner(
-    problem: Problem, good: Delayed, motions: Sequence[Trajectory], model: CollisionModel, constraints: PathConstraints
+    problem: Problem,
+    good: Delayed,
+    motion: Trajectory,
+    model: CollisionModel,
+    constraints: PathConstraints,
+    budget: Budget,
 ) -> Delayed:
     """Return a motion that waits less than one that is free, where it is free and holds the constraints, too."""
-    low = max(0.0, good.wait - _horizon(problem) / (_WAITS - 1))
-    motion = next(one for one in motions if np.isclose(one.duration * good.slower + good.wait, good.motion.duration))
+    low = max((wait for wait in _waits(problem) if wait < good.wait), default=0.0)
     for _ in range(_HALVINGS if good.wait else 0):
-        tried = _delay(problem, motion, 0.5 * (low + good.wait), good.slower)
-        if first_contact(model, tried.motion) is None and not constraints.broken(tried.motion):
+        tried = _delay(motion, good.number, 0.5 * (low + good.wait), good.slower)
+        if first_contact(model, tried.motion, lambda: budget.over) is None and not constraints.broken(tried.motion):
             good = tried
         else:
             low = tried.wait
     return good
 
 
-def _delay(problem: Problem, motion: Trajectory, wait: float, slower: float) -> Delayed:
+def _delay(motion: Trajectory, number: int, wait: float, slower: float) -> Delayed:
     """Return the motion, slowed down, after a wait."""
     scaled = motion if slower == 1.0 else motion.scaled(slower * motion.duration)
-    scaled = (within_torque(problem.robot, problem.limits, scaled) or scaled) if slower != 1.0 else scaled
     if wait == 0.0:
-        return Delayed(scaled, wait, slower)
+        return Delayed(scaled, wait, slower, number)
     still = standstill(scaled.joint_names, scaled.start, wait)
-    return Delayed(join_trajectories([still, scaled]), wait, slower)
+    return Delayed(join_trajectories([still, scaled]), wait, slower, number)
 
 
-def _horizon(problem: Problem) -> float:
-    """Return the longest wait, s: until no obstacle moves any more."""
+def _waits(problem: Problem) -> list[float]:
+    """Return the waits that are tried, s: until no obstacle moves any more, more of them up to the horizon."""
     ends = [body.motion.until for body in problem.scene.dynamic_obstacles if body.motion is not None]
-    return min(_HORIZON, max(ends))
+    last = max(end if np.isfinite(end) else _HORIZON for end in ends)
+    waits: list[float] = np.linspace(0.0, min(_HORIZON, last), _WAITS).tolist()
+    return waits if last <= _HORIZON else [*waits, *np.linspace(_HORIZON, last, _WAITS)[1:].tolist()]

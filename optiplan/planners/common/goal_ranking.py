@@ -50,7 +50,7 @@ def ranked_goals(
     With `nearer`, also those moved towards the start within the tolerance and the redundancy; without, all of a pose
     goal are within half its tolerance.
 
-    Failure kinds: `start-in-collision`, `goal-unreachable`, `goal-in-collision`, `unsupported` (gravity exceeds the
+    Failure kinds: `start-in-collision`, `goal-unreachable`, `goal-in-collision`, `infeasible` (gravity exceeds the
     torque limits at the start or at all goals), `cancelled`, `budget`.
     """
     found = goal_sampler(problem, model, budget, count, nearer=nearer)

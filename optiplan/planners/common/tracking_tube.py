@@ -8,6 +8,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.problem.problem import Problem, derived
+from optiplan.problem.tracking_error import room_at_limits
 from optiplan.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -17,9 +18,6 @@ if TYPE_CHECKING:
 _LEFT = 0.2
 """Share of a tolerance that planners have at least: the bounds here hold anywhere, the verifier's where the arm is."""
 
-_SPARE = 1e-6
-"""rad or m, on top of the error: what the verifier lets position limits be passed by is left to it."""
-
 
 def planned_in_tube(problem: Problem) -> Problem:
     """Return the problem that a planner is given: its motions keep the limits and constraints of `problem` in the tube.
@@ -27,10 +25,10 @@ def planned_in_tube(problem: Problem) -> Problem:
     Position limits are narrower by the error; tolerances of path constraints by what it can do to a frame anywhere. The
     clearance is that of the planners' collision models, which know the error. The verifier has `problem` itself.
     """
-    error, limits = problem.tracking_error, problem.limits
-    if not error.any():
+    room, limits = room_at_limits(problem.tracking_error), problem.limits
+    if not room.any():
         return problem
-    narrower = replace(limits, lower=limits.lower + error + _SPARE, upper=limits.upper - error - _SPARE)
+    narrower = replace(limits, lower=limits.lower + room, upper=limits.upper - room)
     steps = [replace(step, constraints=_narrower(problem, step.constraints)) for step in problem.task]
     constraints = _narrower(problem, problem.path_constraints)
     return derived(problem, limits=narrower, task=tuple(steps), path_constraints=constraints)

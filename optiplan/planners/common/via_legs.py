@@ -19,7 +19,8 @@ def plan_through(
 
     A planner that `passes_vias` plans the whole problem; for any other, see `leg_by_leg`. Path constraints are
     `unsupported` by planners without `holds_constraints`, and motion at the ends by planners with too few
-    `end_derivatives`. For dynamic obstacles see `dynamic_obstacles`, unless the planner `times_obstacles`.
+    `end_derivatives`. For dynamic obstacles see `dynamic_obstacles`, unless the planner `times_obstacles` and plans the
+    whole problem.
 
     Raises:
         PlannerAnswerError: a third-party planner returns no valid result.
@@ -31,13 +32,14 @@ def plan_through(
     if problem.nonzero_ends and (refused := _unsupported_ends(planner, problem)):
         return PlanResult(None, refused)
     problem = with_ends(problem, budget)
-    if problem.scene.dynamic_obstacles and not planner.times_obstacles:
+    at_once = not problem.vias or planner.passes_vias
+    if problem.scene.dynamic_obstacles and not (planner.times_obstacles and at_once):  # a later leg begins later
         from optiplan.planners.common.dynamic_obstacles import STATIC, wait_for_obstacles, without_dynamic_obstacles
 
         static = without_dynamic_obstacles(problem)
         found = plan_through(planner, static, budget.share(STATIC), stages_of(progress))
         return wait_for_obstacles(found, problem, budget)
-    if not problem.vias or planner.passes_vias:
+    if at_once:
         return _answer(planner, problem, budget, progress, earlier)
     return leg_by_leg(planner, problem, budget, progress)
 

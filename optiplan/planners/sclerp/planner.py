@@ -1,6 +1,7 @@
 """`sclerp`: for each goal, the joint path of the chosen scheme, checked for collisions, then timed."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -84,8 +85,9 @@ class Sclerp(Planner[SclerpOptions]):
         """
         redundant = self.options.scheme == "qp" and problem.robot.n > _NEEDED
         led, both = (redundant and self.options.redundancy == one for one in ("goal", "best"))
+        robot = replace(problem.robot, limits=problem.limits)
         for goal in single_ends(problem):
-            tool = ScrewTool(problem.robot, goal.frame if isinstance(goal, PoseGoal) else problem.robot.tool_frame)
+            tool = ScrewTool(robot, goal.frame if isinstance(goal, PoseGoal) else robot.tool_frame)
             if isinstance(goal, JointGoal):
                 yield ScrewTask(tool, problem.start, tool.pose(goal.q), goal.q, True, {})
                 continue

@@ -9,20 +9,15 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure
-from optiplan.planners.cartesian.diagnosis import Ending, at_limit, limit_crossing, stuck
+from optiplan.planners.cartesian.diagnosis import Ending, at_limit, first_refusal, other_branch, stuck
 from optiplan.planners.cartesian.differential_ik import Aim, Tracker
 from optiplan.planners.cartesian.tool_path import screw
-from optiplan.planners.common.continuous_collision import first_contact
-from optiplan.planners.common.failures import contact_witness
-from optiplan.planners.common.refused_path import refused_path
 from optiplan.planners.sclerp.interpolation import on_screw, through
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.qp_stepping import ScrewMotion, ScrewStepper, SteppedPath
 from optiplan.planners.sclerp.schemes import SchemeResult, iterate_scheme
 from optiplan.planners.sclerp.screw_kinematics import ScrewTool
 from optiplan.trajectory.trajectory import Trajectory
-
-_GOAL_TOLERANCE = 1e-6  # rad or m
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,23 +52,8 @@ def attempt(model: CollisionModel, task: ScrewTask, options: SclerpOptions, budg
     path = find(task, options, budget)
     if isinstance(path, Failure):
         return path
-    crossing = limit_crossing(path, task.tool.robot.limits)
-    if crossing is not None:
-        s, joint = crossing
-        refused = task.at_limit(s / path.duration, path(np.array([s]))[0], joint)
-        return _shown(refused, path, s, model)
-    touch = first_contact(model, path, lambda: budget.over)
-    if touch is None:
-        return path
-    s, q, more = touch.t / path.duration, touch.q, contact_witness(touch.q, touch.contact)
-    refused = task.failure(Ending(s, q, "collision", "obstacle", touch.contact.meeting, more))
-    return _shown(refused, path, touch.t, model)
-
-
-def _shown(failure: Failure, path: Trajectory, s: float, model: CollisionModel) -> Failure:
-    """Return the failure with the path that was refused at s, as a motion."""
-    shown = refused_path([path], 0, s, model.robot.limits)
-    return replace(failure, witness={**failure.witness, **shown})
+    refused = first_refusal(model, task.tool.robot, path, budget)
+    return path if refused is None else task.failure(replace(refused, s=refused.s / path.duration))
 
 
 def _by_quadratic_programs(task: ScrewTask, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
@@ -82,13 +62,9 @@ def _by_quadratic_programs(task: ScrewTask, options: SclerpOptions, budget: Budg
     task.info.update(iterations=len(stepped.s) - 1, programs=stepped.programs)
     if not stepped.complete:
         return _stopped(task, stepper, stepped, options)
-    end = stepped.Q[-1]
-    if task.goal is not None and task.exact and np.abs(end - task.goal).max() > _GOAL_TOLERANCE:
-        j = int(np.argmax(np.abs(end - task.goal)))
-        name = task.tool.robot.joint_names[j]
-        words = f"the screw ends in another configuration, '{name}' at {end[j]:.4g} instead of {task.goal[j]:.4g}"
-        more = {"joint": name, "goal": task.goal.tolist()}
-        return task.failure(Ending(1.0, end, "no-path", "branch", words, more))
+    ending = other_branch(task.tool.robot, stepped.Q[-1], task.goal if task.exact else None)
+    if ending is not None:
+        return task.failure(ending)
     path = on_screw(stepper, stepped, lambda: budget.over)
     task.info["knots"] = len(path.breakpoints)
     return path
@@ -102,7 +78,7 @@ def _stopped(task: ScrewTask, stepper: ScrewStepper, stepped: SteppedPath, optio
         return _used_up(task, s, q, options)
     tool = task.tool
     ahead = screw(stepper.screw.X_W0, task.X_WG)
-    return stuck(Tracker(tool.robot, tool.frame, ahead, Aim()), s, q)
+    return stuck(Tracker(tool.robot, tool.robot.limits, tool.frame, ahead, Aim()), s, q)
 
 
 def _by_iteration(task: ScrewTask, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:

@@ -12,7 +12,7 @@ from optiplan.arrays import Array
 from optiplan.collision.named_pairs import NamedPairs
 from optiplan.geometry.poses import pose_error
 from optiplan.planners.base import Budget, Failure
-from optiplan.planners.cartesian.differential_ik import LIMIT_AVOIDANCES, Aim, coupled_frames
+from optiplan.planners.cartesian.differential_ik import LIMIT_AVOIDANCES, Aim, Tracker, coupled_frames
 from optiplan.planners.cartesian.path_following import follow
 from optiplan.planners.cartesian.tool_path import FollowedPath, ToolPath, line
 from optiplan.planners.common.continuous_collision import first_contact
@@ -221,7 +221,8 @@ def _line(stage: Stage, frame: str, path: FollowedPath, budget: Budget) -> Traje
     touching = stage.touching
     for avoidance in LIMIT_AVOIDANCES[: 2 if problem.robot.n > 6 else 1]:
         aim = Aim(None, avoidance, coupled=coupled_frames(problem, frame))
-        found = follow(touching.model, path, frame, problem.start, budget, aim)
+        tracker = Tracker(problem.robot, problem.limits, frame, path, aim)
+        found = follow(touching.model, tracker, problem.start, budget)
         if isinstance(found, Trajectory):
             refused = line_too_heavy(gravity, found(np.linspace(0.0, found.duration, _SAMPLES)))
             refused = refused or _too_near(stage, touching, found)

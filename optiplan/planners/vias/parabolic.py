@@ -11,7 +11,7 @@ import numpy.typing as npt
 from optiplan.arrays import Array, Index
 from optiplan.errors import InputError, Issue
 from optiplan.planners.option_schema import OptionError, option
-from optiplan.planners.point_to_point.base import SIZE, MotionOptions, Profile
+from optiplan.planners.point_to_point.base import SIZE, MotionOptions
 from optiplan.planners.vias.via_chains import ThroughVias, chain_tolerances, distinct, via_times
 from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Limits
@@ -51,7 +51,7 @@ class Parabolic(ThroughVias[ParabolicOptions]):
 
     Options = ParabolicOptions
 
-    def profile(self, problem: Problem, goal: Array) -> Profile:
+    def profile(self, problem: Problem, goal: Array) -> "ParabolicMotion":
         """The motion along a chain (vias + 2, n).
 
         Raises:
@@ -112,8 +112,10 @@ class ParabolicMotion:
         Raises:
             InputError: blends overlap, in that duration or at the times given.
         """
-        if duration is None or len(self.points) == 1:
+        if duration is None:
             return self._shortest
+        if len(self.points) == 1:
+            return self._shortest.scaled(duration)
         return self._chosen(self._times.factor(duration))
 
     @cached_property

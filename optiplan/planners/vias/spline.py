@@ -5,6 +5,7 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
@@ -59,7 +60,7 @@ class Spline(ThroughVias[SplineOptions]):
         """
         times = via_times(problem, "spline", self.options.duration)
         kept = distinct(goal, times)
-        given = _given(problem)[kept] if self.options.velocities == "given" else None
+        given = _given(problem, kept) if self.options.velocities == "given" else None
         return SplineMotion(goal[kept], times, given, self.options, problem.limits, problem.robot.joint_names)
 
 
@@ -88,7 +89,7 @@ class SplineMotion:
         """See `Profile`."""
         if duration is None:
             return self._shortest
-        if self.stretchable:
+        if self.stretchable or len(self.points) == 1:
             return self._shortest.scaled(duration)
         return self._at(self._times.factor(duration))
 
@@ -119,8 +120,8 @@ class SplineMotion:
         return spline_of_velocities(self.points, times, velocities, degree, names)
 
 
-def _given(problem: Problem) -> Array:
-    """Velocities (vias + 2, n) of the problem's vias; zero at the ends.
+def _given(problem: Problem, kept: npt.NDArray[np.bool_]) -> Array:
+    """Velocities of the problem's vias at the points kept, of vias + 2; zero at the ends, also where a via is one.
 
     Raises:
         InputError: a via has none.
@@ -131,4 +132,6 @@ def _given(problem: Problem) -> Array:
             expected = "a velocity at each via of the problem, or velocities: heuristic | continuous"
             raise InputError([Issue.of_option("spline", "velocities", f"'given', but via {k + 1} has none", expected)])
         rows.append(via.velocity)
-    return np.array([*rows, np.zeros(problem.robot.n)])
+    velocities = np.array([*rows, np.zeros(problem.robot.n)])[kept]
+    velocities[-1] = 0.0
+    return velocities

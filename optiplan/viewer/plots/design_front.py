@@ -94,7 +94,10 @@ def _draw_pair(panel: Any, result: DesignResult, pair: tuple[str, str], k: int) 
         mark.set_gid(f"d{number}-{k}")
         if number == 0:
             mark.set_label("front")
-    panel.plot(*_points(result, [result.given], pair).T, "s", mfc="none", mec="k", ms=7, label="given", zorder=3)
+    (square,) = panel.plot(
+        *_points(result, [result.given], pair).T, "s", mfc="none", mec="k", ms=7, label="given", zorder=3
+    )
+    square.set_gid(f"given-{k}")
     if result.compromise is not None:
         panel.plot(
             *_points(result, [result.compromise], pair).T, "*", color=COLOURS[1], ms=11, label="compromise", zorder=4
@@ -132,7 +135,9 @@ def design_page(result: DesignResult) -> str:
     rows = []
     for mark, design in shown:
         role, row = roles.get(id(design), ""), result.row(design)
-        cells = "".join(f'<td data-value="{row[name]:.9g}">{row[name]:.4g}' for name in names if name in row)
+        cells = "".join(
+            f'<td data-value="{row[name]:.9g}">{row[name]:.4g}' if name in row else "<td>" for name in names
+        )
         kind = ' class="role"' if role else ""
         rows.append(f'<tr data-design="{mark}"{kind}>{cells}<td>{html.escape(role)}</tr>')
     title = f"Design study {result.study.spec.name}"

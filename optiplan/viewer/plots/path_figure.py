@@ -96,5 +96,5 @@ def outlines(scene: Scene, plane: tuple[int, int]) -> Iterator[Array]:
         vertices = body_triangles(build_geometry(obstacle.shape)).vertices
         X_WO = obstacle.X_WO
         points = (vertices @ X_WO.rotation.T + X_WO.translation)[:, plane]
-        if np.ptp(points, axis=0).min() > FLAT:
+        if np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[-1] > FLAT:
             yield points[ConvexHull(points).vertices]

@@ -59,7 +59,17 @@ def mcap(recording: Recording) -> bytes:
     for k, time in enumerate(recording.t):
         moved = [one for one in recording.bodies if one.name != WORLD and (k == 0 or len(one.poses) > 1)]
         poses = [(body.name, body.poses[min(k, len(body.poses) - 1)]) for body in moved]
-        frames = [_frame(fm, name, pose) for name, pose in poses if np.isfinite(pose).all()]  # else it is not drawn yet
+        frames = [_frame(fm, name, pose) for name, pose in poses if np.isfinite(pose).all()]  # else it is nowhere
+        turned = [body for body in moved if k > 0 and _there(body, k) != _there(body, k - 1)]
+        if turned:
+            now = fm.Timestamp.from_epoch_secs(float(time))  # a deletion is of what was drawn before
+            gone = [
+                fm.SceneEntityDeletion(timestamp=now, type=fm.SceneEntityDeletionType.MatchingId, id=body.name)
+                for body in turned
+                if not _there(body, k)
+            ]
+            back = [_entity(fm, body) for body in turned if _there(body, k)]
+            scene.log(fm.SceneUpdate(deletions=gone, entities=back), log_time=int(time * _SECOND))
         transforms.log(fm.FrameTransforms(transforms=frames), log_time=int(time * _SECOND))
     values = {curve.name: curve for curve in recording.curves}
     joints, position, velocity = JointStatesChannel("/joints", context=context), values["position"], values["velocity"]
@@ -75,6 +85,10 @@ def mcap(recording: Recording) -> bytes:
             channel.log(dict(zip(curve.names, row.tolist(), strict=True)), log_time=int(time * _SECOND))
     writer.close()
     return file.getvalue()
+
+
+def _there(body: RecordedBody, k: int) -> bool:
+    return bool(np.isfinite(body.poses[k]).all())
 
 
 def _points(fm: Any, rows: Array) -> list[Any]:

@@ -18,6 +18,8 @@ BEGUN_AT = {
     "end": "best curve, end free in its goal",
     "warm": "earlier motion",
     "detour": "motion without the moving ends",
+    "goal": "curve to another end of the goal",
+    "direct": "profile from state to state",
     "in time": "motion among what stands still",
 }
 """In words, the `seed` of an attempt."""

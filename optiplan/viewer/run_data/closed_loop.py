@@ -1,6 +1,7 @@
 """Curves that only an executed motion has: errors of joints and tool, what was applied, limits that were given up."""
 
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -33,11 +34,15 @@ def read_log(folder: Path) -> Arrays | None:
     try:
         with np.load(file, allow_pickle=False) as stored:
             arrays = {name: np.asarray(stored[name], float) for name in stored.files if name != "joint_names"}
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise InputError([Issue(str(file), None, "file", str(error), "the log of `optiplan control`")]) from None
-    lacking = [name for name in NEEDED if name not in arrays or len(arrays[name]) != len(arrays.get("t", ()))]
-    if lacking:
-        raise InputError([Issue(str(file), None, lacking[0], "nothing that fits", "an array as long as `t`")])
+    rows = arrays.get("t", np.empty(0)).shape
+    for name in {**dict.fromkeys(NEEDED), **arrays}:
+        values = arrays.get(name, np.empty(0))
+        if values.size == 0 or values.shape[:1] != rows or not np.isfinite(values).all():
+            raise InputError(
+                [Issue(str(file), None, name, "nothing that fits", "finite numbers, a row for each of `t`")]
+            )
     return arrays
 
 

@@ -40,6 +40,14 @@ def test_trajopt_goes_round_in_time():
     assert any(attempt["seed"] == "in time" for attempt in found.info["attempts"])
 
 
+def test_the_wait_may_be_longer_than_that_for_what_never_stands_still():
+    """A ball leaves, ever faster: after 10 s it is 0.3 m above the way, which the hand still meets."""
+    leaves = op.Sphere("ball", 0.05, position=tuple(MIDDLE)).moving([[0], [0], [0, 0, 0, 3e-4]], until=15.0)
+    found = plan(REACH.with_scene([leaves]), "scurve")
+    assert found.verified, found.failure
+    assert 10.0 < found.info["waited"] < 15.0
+
+
 def test_a_robot_that_moves_cannot_wait():
     problem = HIT.with_start(MOTION.state(0.2 * T)).with_scene(HIT.scene.later(0.2 * T))
     found = plan(problem, "trajopt")

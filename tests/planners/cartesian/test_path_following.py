@@ -11,6 +11,7 @@ import pytest
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.scene import Scene
 from optiplan.planners.base import Budget, Failure
+from optiplan.planners.cartesian import path_following
 from optiplan.planners.cartesian.diagnosis import limit_crossing
 from optiplan.planners.cartesian.differential_ik import Aim, Tracker
 from optiplan.planners.cartesian.path_following import follow
@@ -41,13 +42,12 @@ def moved(name, shift, turn=(0.0, 0.0, 0.0)):
 
 
 def run(name, path, aim=None):
-    robot = model(name).robot
-    return follow(model(name), path, robot.tool_frame, STARTS[name], Budget(20.0), aim)
+    return follow(model(name), tracker(name, path, aim), STARTS[name], Budget(20.0))
 
 
 def tracker(name, path, aim=None):
     robot = model(name).robot
-    return Tracker(robot, robot.tool_frame, path, aim or Aim())
+    return Tracker(robot, robot.limits, robot.tool_frame, path, aim or Aim())
 
 
 def worst_error(name, path, followed, aim=None):
@@ -141,7 +141,7 @@ def test_a_redundant_arm_keeps_clear_of_limits_without_disturbing_the_tool():
     )
     room = {}
     for avoidance in (0.0, 20.0):
-        followed = follow(model("panda"), path, robot.tool_frame, start, Budget(20.0), Aim(avoidance=avoidance))
+        followed = follow(model("panda"), tracker("panda", path, Aim(avoidance=avoidance)), start, Budget(20.0))
         if isinstance(followed, Failure):
             room[avoidance] = (0.0, followed.witness["cause"])
             continue
@@ -189,8 +189,16 @@ def test_two_joints_cannot_do_what_takes_six():
     q = np.array([0.5, 1.0])
     X = frame_pose(robot, q, robot.tool_frame)
     path = line(X, pin.SE3(X.rotation, X.translation + np.array([0.1, 0.0, 0.1])))
-    failure = follow(CollisionModel(robot, Scene(())), path, robot.tool_frame, q, Budget(5.0))
+    failure = follow(
+        CollisionModel(robot, Scene(())), Tracker(robot, robot.limits, robot.tool_frame, path, Aim()), q, Budget(5.0)
+    )
     assert (failure.kind, failure.witness["fraction"]) == ("unsupported", 0.0)
+
+
+def test_a_path_of_too_many_knots_says_so(monkeypatch):
+    monkeypatch.setattr(path_following, "_MOST_KNOTS", 4)
+    failure = run("ur5", paths("ur5")["line"])
+    assert (failure.kind, failure.witness["cause"]) == ("no-path", "knots")
 
 
 def test_first_crossing_of_a_limit_is_found():
@@ -211,6 +219,5 @@ def test_stops_when_asked():
     cancel = threading.Event()
     cancel.set()
     path = paths("ur5")["line"]
-    robot = model("ur5").robot
-    failure = follow(model("ur5"), path, robot.tool_frame, UR5, Budget(20.0, cancel))
+    failure = follow(model("ur5"), tracker("ur5", path), UR5, Budget(20.0, cancel))
     assert failure.kind == "cancelled"

@@ -8,6 +8,7 @@ from optiplan.errors import PlannerAnswerError
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult
 from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.registry import make_planner
+from optiplan.planners.third_party import planner_object
 from optiplan.problem.problem import JointGoal, PoseGoal, Via, derived
 from optiplan.runs.pipeline import run
 from optiplan.trajectory.joining import join_trajectories
@@ -16,6 +17,7 @@ from tests.planners import cases
 
 MIDDLE = 0.5 * (cases.READY + cases.LEFT) + 0.2
 POSE = PoseGoal("panda_hand_tcp", cases.tool_pose("panda", cases.READY + 0.15), 1e-6, 1e-6)
+FALLS = op.Sphere("ball", 0.05, position=(3.0, 0.0, 1.0)).moving([[0], [0], [0, -0.1]], until=1.0)
 
 
 def quiet(stage, fraction):
@@ -87,6 +89,36 @@ def test_a_planner_that_passes_vias_by_itself_gets_the_whole_problem():
     assert [len(problem.vias) for problem, _ in planner.asked] == [1]
 
 
+def test_legs_of_a_planner_that_times_obstacles_are_planned_without_those():
+    """It would plan each leg as if the obstacles were where they are at the start."""
+    planner = Clock()
+    planner.times_obstacles = True
+    plan_through(planner, derived(through(JointGoal(MIDDLE)), scene=op.Scene([FALLS])), Budget(9.0), quiet)
+    assert [len(problem.scene.dynamic_obstacles) for problem, _ in planner.asked] == [0, 0]
+
+
+def test_an_object_that_only_has_plan_says_the_same_as_a_planner():
+    class Straight:
+        """Joins legs, holds constraints, and notes what else is asked of it."""
+
+        joins_legs = holds_constraints = passes_vias = True
+        end_derivatives, asked = 2, ()
+
+        def plan(self, problem, budget, progress):
+            return Clock().plan(problem, budget, progress)
+
+        def check(self, problem, budget):
+            self.asked += ("check",)
+
+    given = Straight()
+    planner = planner_object(given)
+    stated = (planner.joins_legs, planner.holds_constraints, planner.passes_vias, planner.end_derivatives)
+    assert (*stated, planner.times_obstacles) == (True, True, True, 2, False)
+    planner.check(cases.free(), Budget(1.0))
+    assert given.asked == ("check",)
+    assert planner.replan(cases.free(), None, Budget(1.0), quiet).trajectory is not None
+
+
 def test_the_last_leg_ends_at_the_goal():
     failure = plan_through(Clock(fails=2), through(JointGoal(MIDDLE)), Budget(9.0), quiet).failure
     assert failure.detail == "leg 2 of 2, from via 1 to the goal: out of time"
@@ -107,6 +139,5 @@ def test_an_answer_among_moving_obstacles_is_checked_too():
         def plan(self, problem, budget, progress):
             return None
 
-    falls = op.Sphere("ball", 0.05, position=(3.0, 0.0, 1.0)).moving([[0], [0], [0, -0.1]], until=1.0)
     with pytest.raises(PlannerAnswerError, match="returned None"):
-        plan_through(Nothing(), derived(cases.free(), scene=op.Scene([falls])), Budget(1.0), quiet)
+        plan_through(Nothing(), derived(cases.free(), scene=op.Scene([FALLS])), Budget(1.0), quiet)

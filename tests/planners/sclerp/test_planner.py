@@ -1,5 +1,7 @@
 """`sclerp` as a planner: screws followed and verified, endings named, options. The report's runs: tests/reference."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -51,6 +53,12 @@ def test_the_screw_that_ends_at_a_limit_says_at_which_joint_where_and_how_far(st
     assert np.allclose(failure.witness["pose"]["position"], on_screw.translation, atol=1e-9)
     for word in ("W1", "%", f"{on_screw.translation[0]:.4f}"):
         assert word in failure.detail
+
+
+def test_limits_narrower_than_the_robots_end_the_screw_sooner(stuck):
+    narrow = replace(stuck.limits, lower=np.where(np.arange(7) == 5, -1.2, stuck.limits.lower))
+    failure = plan(derived(stuck, limits=narrow), redundancy="local").failure
+    assert (failure.witness["joint"], failure.witness["limit"]) == ("W1", -1.2)
 
 
 def test_trajopt_solves_it_and_so_does_sclerp_led_to_a_goal(stuck):

@@ -4,8 +4,10 @@ import io
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from optiplan.cli.main import run as optiplan
@@ -18,6 +20,10 @@ def test_foxgloves_library_reads_an_mcap():
     reader = pytest.importorskip("mcap.reader")
     problem, run = planned()
     recording = recording_of(problem, run)
+    poses = np.tile(recording.bodies[-1].poses[:1], (len(recording.t), 1))
+    poses[3:6] = np.nan
+    taken_off = replace(recording.bodies[-1], name="taken off", poses=poses)
+    recording = replace(recording, bodies=(*recording.bodies, taken_off))
     messages: dict[str, list] = {}
     schemas = {}
     for schema, channel, message in reader.make_reader(io.BytesIO(mcap(recording))).iter_messages():
@@ -31,6 +37,8 @@ def test_foxgloves_library_reads_an_mcap():
     last = json.loads(messages["/curves/position"][-1].data)
     assert list(last.values()) == pytest.approx(list(run.trajectory.end), abs=1e-6)
     assert b"obstacles/ball" in messages["/scene"][0].data
+    assert [message.log_time for message in messages["/scene"]] == [int(1e9 * recording.t[k]) for k in (0, 3, 6)]
+    assert all(b"taken off" in message.data for message in messages["/scene"])
 
 
 def test_reruns_program_reads_an_rrd(tmp_path):

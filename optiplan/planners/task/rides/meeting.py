@@ -202,7 +202,7 @@ def _rates(stage: Stage, ride: Ride, q: Array, t: float) -> tuple[Array, Array]:
     """Return the velocity and acceleration of the joints (k,) that go with what moves at time t, s."""
     X = ride.mover.motion.pose(t).actInv(Descent(stage.problem.robot, ride.frame).place(q).copy())
     path = RidePath(ride.mover.motion, t, [RideSection(line(X, X), 1.0)])
-    tracker = Tracker(stage.problem.robot, ride.frame, path, Aim())
+    tracker = Tracker(stage.problem.robot, stage.problem.limits, ride.frame, path, Aim())
     v = tracker.rate(0.0, q)
     return v, tracker.joint_curvature(0.0, q, v)
 

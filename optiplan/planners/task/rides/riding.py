@@ -11,7 +11,7 @@ from optiplan.geometry.poses import pose_error
 from optiplan.geometry.scene import Scene
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
 from optiplan.planners.base import Budget, Failure
-from optiplan.planners.cartesian.differential_ik import LIMIT_AVOIDANCES, Aim
+from optiplan.planners.cartesian.differential_ik import LIMIT_AVOIDANCES, Aim, Tracker
 from optiplan.planners.cartesian.path_following import follow
 from optiplan.planners.cartesian.tool_path import line
 from optiplan.planners.common.continuous_collision import first_contact
@@ -195,9 +195,11 @@ class Rider:
         return None
 
     def _followed(self, stage: Stage, path: RidePath) -> Trajectory | Failure:
+        problem = stage.problem
         failure: Failure | None = None
-        for avoidance in LIMIT_AVOIDANCES[: 2 if stage.problem.robot.n > 6 else 1]:
-            found = follow(stage.model, path, self.ride.frame, stage.problem.start, self.budget, Aim(None, avoidance))
+        for avoidance in LIMIT_AVOIDANCES[: 2 if problem.robot.n > 6 else 1]:
+            tracker = Tracker(problem.robot, problem.limits, self.ride.frame, path, Aim(None, avoidance))
+            found = follow(stage.model, tracker, problem.start, self.budget)
             if not isinstance(found, Failure):
                 return found
             failure = failure or found

@@ -8,8 +8,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
 from optiplan.figure_style import INK, LIMIT, line_style, sheet
-from optiplan.planners.vias.parabolic import ParabolicMotion, ParabolicOptions, Refinement, places_of_vias
-from optiplan.planners.vias.via_chains import chain_tolerances, distinct, via_times
+from optiplan.planners.vias.parabolic import Parabolic, ParabolicMotion, ParabolicOptions, Refinement, places_of_vias
 from optiplan.problem.examples import find_problem
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import JointGoal, Problem
@@ -71,10 +70,7 @@ def _motion(runs: Sequence[PlottedRun]) -> tuple[ParabolicMotion, Problem]:
     ends = (runs[0].trajectory.start, runs[0].trajectory.end) if runs else (problem.start, _goal(problem))
     chain = np.array([ends[0], *(at.q for at in vias if isinstance(at, JointGoal)), ends[1]])
     options = ParabolicOptions(**problem.options) if problem.planner == "parabolic" else ParabolicOptions()
-    times = via_times(problem, "parabolic", options.duration)
-    kept = distinct(chain, times)
-    limits, names = problem.limits, problem.robot.joint_names
-    return ParabolicMotion(chain[kept], chain_tolerances(problem)[kept], times, options, limits, names), problem
+    return Parabolic(options).profile(problem, chain), problem
 
 
 def _goal(problem: Problem) -> Array:

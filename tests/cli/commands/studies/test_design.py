@@ -48,6 +48,7 @@ def test_a_front_is_found_proved_and_written(optiplan, study, tmp_path):
     assert (tmp_path / "out" / "front.pdf").read_bytes().startswith(b"%PDF")
     page = (tmp_path / "out" / "design.html").read_text()
     assert 'id="d0-0"' in page
+    assert 'id="given-0"' in page
     assert 'data-design="d0"' in page
     head, *rows = (tmp_path / "out" / "front.csv").read_text().splitlines()
     assert head.startswith("upper [m],reach_volume [m³],manipulability [1],cycle_time [s]")

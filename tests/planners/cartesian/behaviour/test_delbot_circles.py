@@ -9,6 +9,7 @@ import pytest
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.scene import Box, Obstacle, Scene
 from optiplan.planners.base import Budget
+from optiplan.planners.cartesian.differential_ik import Aim, Tracker
 from optiplan.planners.cartesian.path_following import follow
 from optiplan.planners.cartesian.tool_path import circle
 from optiplan.problem.load import load_problem
@@ -79,7 +80,8 @@ def followed(problem):
     centre = start.translation - problem.options["radius"] * np.eye(3)[2]
     path = circle(start, centre, 2.0 * np.pi * np.eye(3)[0], np.zeros(3))
     model = CollisionModel(problem.robot, problem.scene)
-    return follow(model, path, FLANGE, problem.start, Budget(20.0))
+    tracker = Tracker(problem.robot, problem.limits, FLANGE, path, Aim())
+    return follow(model, tracker, problem.start, Budget(20.0))
 
 
 def drawn_points(problem):

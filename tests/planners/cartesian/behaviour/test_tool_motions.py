@@ -14,6 +14,7 @@ from optiplan.kinematics.ik.closed_form import closed_form
 from optiplan.planners.base import Budget
 from optiplan.planners.cartesian.tool_path import circle_through
 from optiplan.planners.registry import make_planner
+from optiplan.problem.constraints.poses import RelativePose
 from optiplan.problem.problem import JointGoal, PoseGoal, derived
 from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.robot import load_robot
@@ -151,6 +152,15 @@ def test_change_of_branch_before_the_start():
     assert pose(there).homogeneous == pytest.approx(X.homogeneous, abs=1e-9)
     line = result.trajectory(np.linspace(at_rest[1], at_rest[2], 200))
     assert np.abs([pose(q).translation - X.translation for q in line]).max() < 1e-6
+
+
+def test_other_branches_keep_the_frames_that_go_along():
+    """Only some branches have the wrist where it was in the tool's frame; none of them reaches the goal."""
+    held = pose(UR5).actInv(frame_pose(ur5(), UR5, "wrist_2_link"))
+    together = RelativePose("wrist_2_link", "tool0", held, 1e-3, 1e-2)
+    what = derived(problem(shifted((0.2, 0.9, 0.0))), path_constraints=(together,))
+    failure = plan("line", what, change_branch=True, goals=2).failure
+    assert failure.kind == "goal-unreachable"
 
 
 def test_line_into_an_obstacle():
@@ -323,6 +333,14 @@ def test_circle_by_radius_and_plane_starts_at_the_top_and_may_turn_twice_the_oth
     assert points.min(axis=0) == pytest.approx([0.0, -0.05, -0.1], abs=1e-5)
     assert points[np.linalg.norm(points, axis=1).argmax() // 4, 1] > 0.0  # counterclockwise would go to -y first
     assert np.linalg.norm(np.diff(points, axis=0), axis=1).sum() == pytest.approx(0.2 * np.pi, rel=1e-4)
+
+
+def test_limits_narrower_than_the_robots_end_the_path():
+    lower = np.where(np.arange(6) == 0, UR5[0] - 0.01, ur5().limits.lower)
+    what = derived(problem(UR5), limits=replace(ur5().limits, lower=lower))
+    failure = plan("circle", what, radius=0.05, plane="xy").failure
+    assert (failure.kind, failure.witness["limit"]) == ("limits", lower[0])
+    check_witness(failure, "joint limit")
 
 
 def test_circle_refuses_a_goal_elsewhere_and_a_centre_off_its_plane():
