@@ -109,7 +109,6 @@ class LawFollower:
         later = laws.then_stop(self._law, then)
         if self._detour is None and self._scene.blocked(self._stretch, later, self.time) is None:
             self._law = self._chosen = later
-            self._pending = False
             return True
         until = self._stretch.place(self._law.at(then)[0])
         if self._stretch.direction * (found.place - until) <= 0.0:

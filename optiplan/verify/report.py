@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import number_argument
+from optiplan.errors import whole_argument
 
 _LEAST_INTERVAL = 1e-12
 """s: so short are parts of a piece of a million seconds after 60 halvings; they are counted in 64 bits."""
@@ -49,7 +50,7 @@ class VerifyPolicy:
         number_argument("VerifyPolicy", "torque_rate", self.torque_rate, "a number of Hz above 0", above=0.0)
         least = _LEAST_INTERVAL
         number_argument("VerifyPolicy", "min_interval", self.min_interval, f"a number of seconds >= {least:g}", least)
-        number_argument("VerifyPolicy", "max_queries", self.max_queries, "a number >= 1", 1.0)
+        whole_argument("VerifyPolicy", "max_queries", self.max_queries, 1)
 
 
 @dataclass(frozen=True)

@@ -282,7 +282,7 @@ def test_reports_are_json(planar, swing):
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("min_interval", 0.0), ("max_queries", 0), ("jump_tolerance", float("nan")), ("torque_rate", 0.0)],
+    [("min_interval", 0.0), ("max_queries", 0), ("max_queries", 1e4), ("jump_tolerance", np.nan), ("torque_rate", 0)],
 )
 def test_a_number_of_the_policy_out_of_its_range_is_an_input_error(name, value):
     with pytest.raises(InputError, match=name):

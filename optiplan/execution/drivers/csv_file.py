@@ -36,7 +36,7 @@ class FileDriver:
         try:
             if self._path.exists() and not self._path.is_file():
                 raise OSError(0, "a folder" if self._path.is_dir() else "a device or a pipe")
-            self._partial = self._path.with_name(self._path.name + PARTIAL)
+            self._partial = self._written = self._path.with_name(self._path.name + PARTIAL)
             self._path.parent.mkdir(parents=True, exist_ok=True)
             self._file = self._partial.open("w", newline="", encoding="utf-8")
         except OSError as error:
@@ -49,7 +49,7 @@ class FileDriver:
     @property
     def report(self) -> dict[str, str]:
         """The `file` that holds the set-points."""
-        return {"file": str(self._path if self._done else self._partial)}
+        return {"file": str(self._written)}
 
     def capabilities(self) -> Capabilities:
         """A file measures nothing, and waits."""
@@ -75,4 +75,4 @@ class FileDriver:
         finally:
             self._file.close()
         if self._done:
-            self._partial.replace(self._path)
+            self._written = self._partial.replace(self._path)

@@ -1,6 +1,7 @@
 """Driver `file`: exact numbers, and a name only for a motion that came to its end."""
 
 import csv
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -46,6 +47,17 @@ def test_a_motion_that_was_stopped_stays_partial(run_of, tmp_path):
     assert written(run_of("01_reach"), path, stop_at=0.1)["reason"] == "enough"
     assert path.read_text() == "of yesterday"
     assert len(table(tmp_path / "motion.csv.partial")[1]) > 20
+
+
+def test_a_motion_that_cannot_take_its_name_is_told_where_it_is(run_of, tmp_path):
+    path = tmp_path / "motion.csv"
+    driver = op.driver("file", run_of("01_reach"), path=path)
+    driver.send(SimpleNamespace(t=0.0, q=[0.0], v=[0.0], a=[0.0], torque=[0.0], status=SimpleNamespace(phase="done")))
+    assert driver.report == {"file": f"{path}.partial"}
+    path.mkdir()
+    with pytest.raises(OSError, match=r"motion\.csv"):
+        driver.stop("done")
+    assert driver.report == {"file": f"{path}.partial"}
 
 
 def test_a_file_that_cannot_be_written_is_named(run_of, tmp_path):
