@@ -17,8 +17,10 @@ from typing import Any
 from optiplan import cache
 from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.results.records import CHANGED, BenchProblem
+from optiplan.config.document import Document
 from optiplan.errors import OptiPlanError
 from optiplan.files import read_bytes, reading
+from optiplan.problem.from_data import planned_robot
 from optiplan.problem.hashing import problem_hash, shape_files_of
 from optiplan.robot.robot import robot_names
 
@@ -72,8 +74,9 @@ class Packer:
             raise TravelError(
                 f"the robot of {problem.id} stands in the problem itself; give it a robot.yaml of its own"
             )
-        robot = self._robots(data["robot"], None, data.get("locked"), data.get("group"))
-        if problem_hash(data, Path("/"), robot) != problem.hash:
+        base = Path("/")
+        robot = planned_robot(Document(Path(problem.id), data, {}), base, self._robots)
+        if problem_hash(data, base, robot) != problem.hash:
             raise TravelError(f"{problem.id}: {CHANGED}")
         if data["robot"] not in robot_names():
             data["robot"] = self._robot(data["robot"])

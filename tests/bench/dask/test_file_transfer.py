@@ -7,6 +7,7 @@ from optiplan.bench.dask import file_transfer
 from optiplan.bench.dask.file_transfer import Packer, TravelError, keep, lacking, unpack_files
 from optiplan.bench.suite.suite import load_suite
 from optiplan.problem.load import problem_from_dict
+from optiplan.resources import problems_dir
 from optiplan.robot.robot import load_robot
 
 
@@ -54,7 +55,8 @@ def test_a_bundle_begins_below_the_root_folder(problems, monkeypatch):
 
 
 def test_shipped_robots_stay_names(write_suite, tmp_path):
-    (problem, _) = load_suite(write_suite(), tmp_path / "files").problems
+    arm_and_hand = str(problems_dir() / "40_panda_sorts_cubes.yaml")
+    (problem,) = load_suite(write_suite(problems=[{"glob": arm_and_hand}]), tmp_path / "files").problems
     packed = Packer().pack(problem)
     assert packed == problem
     assert lacking(packed) == set()
