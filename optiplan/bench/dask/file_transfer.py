@@ -16,7 +16,7 @@ from typing import Any
 
 from optiplan import cache
 from optiplan.bench.execution.robot_cache import RobotCache
-from optiplan.bench.results.records import CHANGED, BenchProblem
+from optiplan.bench.results.records import CHANGED, BenchProblem, ChangedError
 from optiplan.config.document import Document
 from optiplan.errors import OptiPlanError
 from optiplan.files import read_bytes, reading
@@ -63,7 +63,8 @@ class Packer:
         """Return the problem with bundles in place of files; shipped robots stay names.
 
         Raises:
-            TravelError: a robot that cannot be loaded from its files alone, or files that are not the suite's any more.
+            TravelError: a robot that cannot be loaded from its files alone.
+            ChangedError: files that are not the suite's any more.
         """
         with reading():  # the hash is of the same bytes as the bundles
             return self._packed(problem)
@@ -76,8 +77,7 @@ class Packer:
             )
         base = Path("/")
         robot = planned_robot(Document(Path(problem.id), data, {}), base, self._robots)
-        if problem_hash(data, base, robot) != problem.hash:
-            raise TravelError(f"{problem.id}: {CHANGED}")
+        problem.check_unchanged(problem_hash(data, base, robot))
         if data["robot"] not in robot_names():
             data["robot"] = self._robot(data["robot"])
         for mesh in shape_files_of(data):
@@ -122,10 +122,10 @@ def keep(digest: str, bundle_contents: BundleContents) -> None:
     """Store a bundle in the cache atomically.
 
     Raises:
-        TravelError: its files are not those of the digest: they were changed after the problem was packed.
+        ChangedError: its files are not those of the digest: they were changed after the problem was packed.
     """
     if bundle_contents.digest != digest:
-        raise TravelError(f"{', '.join(bundle_contents.files)} in {bundle_contents.home}: {CHANGED}")
+        raise ChangedError(f"{bundle_contents.home}: {CHANGED}")
     folder = _folder(f"{SCHEME}{digest}/")
     folder.parent.mkdir(parents=True, exist_ok=True)
     fresh = Path(tempfile.mkdtemp(dir=folder.parent))
