@@ -95,7 +95,7 @@ def recorded(arguments: argparse.Namespace) -> list[dict[str, Any]]:
         whole = text[: text.rfind("\n") + 1]  # a kill may have cut the last line
         file.write_text(whole)
         rows: list[dict[str, Any]] = [json.loads(line) for line in whole.splitlines()]
-        budgets = {row.get("budget") for row in rows} - {arguments.budget}
+        budgets = {row.get("budget", "unknown") for row in rows} - {arguments.budget}
         if budgets:
             sys.exit(f"{file}: runs with --budget {budgets.pop()}; expected {arguments.budget:g}, or another file")
         return rows

@@ -1,5 +1,6 @@
 """Every script of `benchmarks/` starts: it finds what it imports, and `--help` says what it is for."""
 
+import argparse
 import json
 import math
 import subprocess
@@ -58,3 +59,13 @@ def test_percentiles_take_problems_that_count_as_infinitely_long(monkeypatch):
 
     assert percentiles([1.0, None, 2.0, math.inf, math.inf], 25, 50, 95) == [1.0, 2.0, math.inf]
     assert percentiles([1.0, 2.0], 50) == [1.5]
+
+
+def test_runs_without_a_budget_are_not_continued(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    from pose_goals import recorded
+
+    file = tmp_path / "runs.jsonl"
+    file.write_text("{}\n")
+    with pytest.raises(SystemExit, match="runs with --budget unknown; expected 1, or another file"):
+        recorded(argparse.Namespace(resume=True, results=file, budget=1.0))

@@ -45,7 +45,9 @@ class ObstacleMotion(ReadOnlyArrays):
         axis = point = None
         if turn is not None:
             rows.append(list(turn["angle"]))
-            axis = np.array(turn["axis"], float) / math.hypot(*turn["axis"])  # without squares, which overflow
+            axis = np.array(turn["axis"], float)
+            axis = np.ldexp(axis, -np.frexp(np.abs(axis).max())[1])  # exact; lengths of any size are numbers then
+            axis /= math.hypot(*axis)
             point = np.array(turn["about"], float)
         size = max(1, *(len(row) for row in rows))
         padded = [[*row, *[0.0] * (size - len(row))] for row in rows]

@@ -51,8 +51,10 @@ def in_radians(data: Any) -> Any:
         turned = [math.radians(angle) for angle in data["rpy_deg"] if not isinstance(angle, bool)]
     except (TypeError, OverflowError):
         return data  # the check of the field reports the error
+    if not all(map(math.isfinite, turned)):
+        return data  # likewise
     for angle in turned:
-        if not abs(angle) <= _LARGEST_ANGLE:
+        if abs(angle) > _LARGEST_ANGLE:
             raise ValueError(f"found {math.degrees(angle):g} in rpy_deg; expected angles within a turn (360)")
     return {**{key: value for key, value in data.items() if key != "rpy_deg"}, "rpy": turned}
 
@@ -69,6 +71,8 @@ def pose_from_data(data: Mapping[str, Any]) -> pin.SE3:
         ValueError: several rotations are given, an angle is beyond a turn, or the quaternion is not a unit quaternion.
     """
     data = in_radians(data)
+    if data.get("rpy_deg") is not None:
+        raise ValueError(f"found {data['rpy_deg']} in rpy_deg; expected three finite numbers")
     rpy, quaternion = data.get("rpy"), data.get("quaternion")
     if rpy is not None and quaternion is not None:
         raise ValueError("found both rpy and quaternion; expected at most one of them")

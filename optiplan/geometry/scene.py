@@ -1,6 +1,5 @@
 """Scenes: shapes, obstacles, attached objects, allowed contacts."""
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
@@ -344,7 +343,7 @@ def turning_data(turn: Any, position: Array) -> dict[str, Any] | None:
     parts = dict(zip(usual, _rows([said.get(key, value) for key, value in usual.items()]) or [[], [], []], strict=True))
     sound = said.keys() <= parts.keys() and len(parts["axis"]) == len(parts["about"]) == 3 and bool(parts["angle"])
     sound = sound and all(is_finite(value) for part in parts.values() for value in part)
-    if not sound or not 0.0 < math.hypot(*parts["axis"]) < math.inf:
+    if not sound or not any(parts["axis"]):
         expected = "`axis` [x, y, z], `angle` [rad, rad/s, …] and `about` [x, y, z], m"
         raise wrong_argument("Obstacle.moving", "turn", described(turn), expected)
     return parts

@@ -138,7 +138,7 @@ class Compiler:
         """Return the groups that steps of the task name and that are not planned anyway."""
         named: list[str] = []
         for part in self.task:
-            group = str(getattr(getattr(part.value, part.value.kind), "group", None))
+            group = getattr(getattr(part.value, part.value.kind), "group", None) or ""
             if group in robot.groups and not set(robot.groups[group]) <= set(robot.joint_names):
                 named.append(group)
         return list(dict.fromkeys(named))

@@ -114,6 +114,18 @@ def _robot_of(document: Document, base: Path, robots: RobotLoader) -> tuple[Robo
     return compiler.robot(robots), compiler.main_joints
 
 
+def planned_robot(document: Document, base: Path, robots: RobotLoader = load_robot) -> Robot:
+    """Return the robot of a problem file in one form, with all joints that its steps move, as `Problem.hash` takes it.
+
+    Raises:
+        InputError: there is no such robot.
+    """
+    compiler = Compiler(document, base, document.data)
+    if (robot := compiler.robot(robots)) is None:
+        raise _error(compiler.issues)
+    return robot
+
+
 def _issues_of(document: Document, base: Path, robots: RobotLoader) -> Sequence[Issue]:
     try:
         _read_named(document, base, robots)

@@ -54,8 +54,11 @@ def test_an_axis_of_any_length_is_a_direction():
     fan = op.Box("fan", (0.2, 0.1, 0.1))
     for length in (1e-200, 1e200):
         assert fan.moving(turn={**TURN, "axis": [length, 0.0, 0.0]}).motion.axis.tolist() == [1.0, 0.0, 0.0]
+    for length in (5e-324, 3.0, 1.7e308):
+        axis = fan.moving(turn={**TURN, "axis": [length, 0.0, -length]}).motion.axis
+        assert axis == pytest.approx([0.5**0.5, 0.0, -(0.5**0.5)], rel=1e-15)
     with pytest.raises(op.InputError, match="turn"):
-        fan.moving(turn={**TURN, "axis": [1.7e308] * 3})
+        fan.moving(turn={**TURN, "axis": [0.0] * 3})
 
 
 def test_a_body_that_turns_is_moved_with_the_axis_about_which_it_does():

@@ -5,7 +5,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from optiplan.config.document import Document
 from optiplan.errors import InputError, UnknownChoiceError
+from optiplan.problem.from_data import planned_robot
 from optiplan.robot import loaded_robots
 from optiplan.robot import robot as robot_module
 from optiplan.robot.frames import with_tool_of
@@ -157,6 +159,8 @@ def test_named_groups(tmp_path):
     named = load_robot(str(write_robot(tmp_path, TWO, "groups: {None: [j1], back: [j2]}\ntool_frames: {None: a}\n")))
     assert with_tool_of(named, "None", ["j2"]).tool_frame == "a"
     assert with_tool_of(named, None, ["j2"]) is named
+    data = {"robot": str(named.source), "group": "back", "task": [{"move": {"joints": [0.5]}}]}
+    assert planned_robot(Document(tmp_path / "p.yaml", data, {}), tmp_path).joint_names == ("j2",)
 
 
 @pytest.mark.parametrize(

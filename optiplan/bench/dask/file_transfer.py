@@ -16,9 +16,11 @@ from typing import Any
 
 from optiplan import cache
 from optiplan.bench.execution.robot_cache import RobotCache
-from optiplan.bench.results.records import CHANGED, BenchProblem
+from optiplan.bench.results.records import CHANGED, BenchProblem, ChangedError
+from optiplan.config.document import Document
 from optiplan.errors import OptiPlanError
 from optiplan.files import read_bytes, reading
+from optiplan.problem.from_data import planned_robot
 from optiplan.problem.hashing import problem_hash, shape_files_of
 from optiplan.robot.robot import robot_names
 
@@ -61,7 +63,8 @@ class Packer:
         """Return the problem with bundles in place of files; shipped robots stay names.
 
         Raises:
-            TravelError: a robot that cannot be loaded from its files alone, or files that are not the suite's any more.
+            TravelError: a robot that cannot be loaded from its files alone.
+            ChangedError: files that are not the suite's any more.
         """
         with reading():  # the hash is of the same bytes as the bundles
             return self._packed(problem)
@@ -72,9 +75,9 @@ class Packer:
             raise TravelError(
                 f"the robot of {problem.id} stands in the problem itself; give it a robot.yaml of its own"
             )
-        robot = self._robots(data["robot"], None, data.get("locked"), data.get("group"))
-        if problem_hash(data, Path("/"), robot) != problem.hash:
-            raise TravelError(f"{problem.id}: {CHANGED}")
+        base = Path("/")
+        robot = planned_robot(Document(Path(problem.id), data, {}), base, self._robots)
+        problem.check_unchanged(problem_hash(data, base, robot))
         if data["robot"] not in robot_names():
             data["robot"] = self._robot(data["robot"])
         for mesh in shape_files_of(data):
@@ -119,10 +122,10 @@ def keep(digest: str, bundle_contents: BundleContents) -> None:
     """Store a bundle in the cache atomically.
 
     Raises:
-        TravelError: its files are not those of the digest: they were changed after the problem was packed.
+        ChangedError: its files are not those of the digest: they were changed after the problem was packed.
     """
     if bundle_contents.digest != digest:
-        raise TravelError(f"{', '.join(bundle_contents.files)} in {bundle_contents.home}: {CHANGED}")
+        raise ChangedError(f"{bundle_contents.home}: {CHANGED}")
     folder = _folder(f"{SCHEME}{digest}/")
     folder.parent.mkdir(parents=True, exist_ok=True)
     fresh = Path(tempfile.mkdtemp(dir=folder.parent))

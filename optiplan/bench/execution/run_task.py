@@ -16,10 +16,10 @@ from optiplan.bench.execution.code_version import own_digest, planner_code
 from optiplan.bench.execution.executed import executed, only_wanted
 from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.results.records import (
-    CHANGED,
     BenchPlanner,
     BenchProblem,
     BenchTask,
+    ChangedError,
     Outcome,
     Row,
     empty_row,
@@ -91,6 +91,8 @@ class TaskExecutor:
             row, timings, blob = row | columns, spent, packed
         except PlannerAnswerError as error:
             row |= failure("bug", str(error))
+        except ChangedError as error:
+            row |= failure("changed", str(error))
         except OptiPlanError as error:
             row |= failure("bad-input", str(error))
         except MemoryError:
@@ -104,8 +106,7 @@ class TaskExecutor:
     def _load(self, problem: BenchProblem, timings: dict[str, Any]) -> Problem:
         began = time.perf_counter()
         found = self._problems.get(problem.id, lambda: problem_from_dict(problem.data, "/", self._robots))
-        if problem.hash and problem.hash != found.hash:
-            raise OptiPlanError(CHANGED)
+        problem.check_unchanged(found.hash)
         timings["load"] = time.perf_counter() - began
         return found
 

@@ -10,17 +10,13 @@ from optiplan.bench.execution.machine import machine
 from optiplan.bench.execution.pool import Workforce
 from optiplan.bench.results.database import FILE, Store
 from optiplan.bench.results.growth import grown, grown_code, suite_runs, suites_of
-from optiplan.bench.results.records import Outcome
+from optiplan.bench.results.records import ChangedError, Outcome
 from optiplan.bench.suite.suite import Suite, code_differences, hash_of_parts, suite_differences
-from optiplan.errors import InputError, Issue, OptiPlanError
+from optiplan.errors import InputError, Issue
 from optiplan.runs.run import versions
 
 Watch = Callable[[Outcome], None]
 """Told every outcome once it is stored."""
-
-
-class CodeError(OptiPlanError):
-    """Code that was changed while a suite was run."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +124,7 @@ def run_suite(suite: Suite, store: Store, workforce: Workforce, label: str, watc
     Raises:
         StoreError: a run cannot be stored; those before it are.
         WorkerError: no worker can be started.
-        CodeError: code was changed since the suite was read.
+        ChangedError: code, a robot or a mesh was changed since the suite was read.
     """
     there, found = store.done(), found_runs(suite, store)
     made = 0
@@ -137,7 +133,7 @@ def run_suite(suite: Suite, store: Store, workforce: Workforce, label: str, watc
     try:
         with closing(workforce.outcomes(task for task in suite.tasks() if task.key not in there)) as outcomes:
             for outcome in outcomes:
-                outcome = _with_code(outcome, suite)
+                outcome = _checked(outcome, suite)
                 store.add(outcome)
                 made += 1
                 watch(outcome)
@@ -153,16 +149,19 @@ def run_suite(suite: Suite, store: Store, workforce: Workforce, label: str, watc
             store.end(how)
 
 
-def _with_code(outcome: Outcome, suite: Suite) -> Outcome:
+def _checked(outcome: Outcome, suite: Suite) -> Outcome:
     """Return the outcome with the code it was made by, also where its process died first.
 
     Raises:
-        CodeError: a worker that was started later has read other code than the suite's.
+        ChangedError: a worker has read other files of the problem, or one that was started later other code, than the
+            suite's.
     """
     row = outcome.row
+    if row.failure_kind == "changed":
+        raise ChangedError(row.failure_detail)
     theirs = suite.code["planners"][row.planner]
     if row.optiplan and (row.optiplan, row.code) != (suite.code["digest"], theirs):
-        raise CodeError(
+        raise ChangedError(
             f"the code of planner '{row.planner}' or of optiplan was changed while the suite was run: "
             "what was stored is of the code before; run the suite into another folder"
         )

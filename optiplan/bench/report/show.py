@@ -13,6 +13,7 @@ from optiplan.bench.results.database import Store
 from optiplan.bench.results.records import Key
 from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.planners.base import Progress
+from optiplan.problem.from_python import NO_FILE
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
 from optiplan.verify.verify import verify
@@ -33,7 +34,11 @@ def stored_views(store: Store, keys: Sequence[Key]) -> tuple[Problem, list[Viewe
         InputError: there is no such run, or its problem cannot be loaded (which may be why a run failed).
         UnknownChoiceError: there is no such problem.
     """
-    problem = problem_from_dict(store.problem(keys[0][0]).data)
+    id_ = keys[0][0]
+    try:
+        problem = problem_from_dict(store.problem(id_).data)
+    except InputError as error:
+        raise error.about(NO_FILE, f"{store.folder}: {id_}") from None
     return problem, [_view(store, problem, key) for key in keys]
 
 

@@ -65,6 +65,7 @@ def read_results(file: Path, label: str, beside: Store, folder: Path) -> Importe
     Raises:
         InputError: the file is of another form, names problems that `beside` does not have or one of them twice, or
             has samples that cannot be read; holds every issue found.
+        ChangedError: a motion cannot be verified with the robot and meshes that `beside` was made with.
         StoreError: the folder cannot be written.
     """
     planner = BenchPlanner(label, EXTERNAL, {"file": str(file)})
@@ -115,6 +116,7 @@ def _outcomes(file: Path, tasks: Mapping[Any, tuple[BenchTask, Entry]]) -> Itera
 
     Raises:
         InputError: samples that cannot be read, of all entries.
+        ChangedError: as `read_results`.
     """
     robots = RobotCache()
     issues: list[Issue] = []
@@ -130,6 +132,7 @@ def _outcomes(file: Path, tasks: Mapping[Any, tuple[BenchTask, Entry]]) -> Itera
         except OptiPlanError as error:
             found.append(Outcome(replace(row, **failure("bad-input", str(error)))))
             continue
+        task.problem.check_unchanged(problem.hash)
         try:
             found.append(_judged(row, problem, _samples(file, entry, given, problem)))
         except InputError as error:

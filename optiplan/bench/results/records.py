@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
+from optiplan.errors import OptiPlanError
 from optiplan.planners.base import FailureKind
 from optiplan.verify.report import jsonable
 
@@ -13,6 +14,7 @@ Key = tuple[str, str, int, int]
 RunFailureKind = Literal[
     "not-verified",
     "bad-input",
+    "changed",
     "timeout",
     "out-of-memory",
     "crashed",
@@ -24,13 +26,18 @@ RunFailureKind = Literal[
 
 * `not-verified`: the planner gave a trajectory that the verifier refuses.
 * `bad-input`: the planner refused the problem or its options.
+* `changed`: files of the problem are others than when the suite was read; it ends the suite and is not stored.
 * `timeout`, `out-of-memory`, `crashed`: the worker was ended at a hard limit, or ended by itself.
 * `crashed (machine lost)`: of a cluster, the computer that made it was lost, more than once.
 * `failed`, `not verified here`: of results from elsewhere, by their authors' own account.
 """
 
 CHANGED = "its robot or its meshes were changed since the suite was read: run it into another folder"
-"""Why a run is not made with the files that are there now."""
+"""Why no run is made or verified with the files that are there now."""
+
+
+class ChangedError(OptiPlanError):
+    """Files or code that were changed since a suite was read."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +59,15 @@ class BenchProblem:
     hash: str
     data: Mapping[str, Any]
     origin: Mapping[str, Any]
+
+    def check_unchanged(self, now: str) -> None:
+        """Refuse a problem whose hash is another one now.
+
+        Raises:
+            ChangedError: its files were changed.
+        """
+        if self.hash and now != self.hash:
+            raise ChangedError(f"{self.id}: {CHANGED}")
 
 
 @dataclass(frozen=True)

@@ -130,8 +130,8 @@ def _changes(label: str, a: Runs, i: Indices, b: Runs, j: Indices, seed: int) ->
         ("duration", a.duration[i], b.duration[j], math.nan),
     ):
         found = paired(np.log(after / before), problem, seed)
-        known = (values[np.isfinite(values)] for values in (before, after))  # a claim may be without a time
-        medians = (float(np.median(values)) if len(values) else math.nan for values in known)
+        known = np.isfinite(before) & np.isfinite(after)  # a claim may be without a time
+        medians = (float(np.median(values[known])) if known.any() else math.nan for values in (before, after))
         score = found.ratio, found.wins, found.losses, found.rank
         yield Change(label, quantity, next(medians), next(medians), *score, work=by)
 

@@ -23,7 +23,7 @@ from optiplan.config.messages import choices, some
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
 from optiplan.planners.base import Progress
 from optiplan.planners.registry import make_planner
-from optiplan.problem.from_data import goal_or_task, in_one_form
+from optiplan.problem.from_data import goal_or_task, in_one_form, planned_robot
 from optiplan.problem.hashing import source_of
 from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.runs.metrics import Metrics
@@ -220,8 +220,7 @@ def _problem(item: Found, difficulty: str | None, robots: RobotCache) -> BenchPr
     if missing:
         raise InputError(missing)
     try:
-        robot = robots(spec.robot, item.base, spec.locked, spec.group)
-        data, digest = source_of(spec, item.name, item.base, robot)
+        data, digest = source_of(spec, item.name, item.base, planned_robot(document, item.base, robots))
     except InputError:
         raise
     except (OptiPlanError, OSError) as error:

@@ -7,6 +7,7 @@ file that is cut off within its last number.
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -52,9 +53,11 @@ def read_ply(content: bytes) -> Soup:
     corners = face.get("vertex_indices", face.get("vertex_index"))
     if corners is None or "tristrips" in tables:
         raise MeshError("a PLY file whose faces have no vertex_indices")
-    if not all(float(index).is_integer() for polygon in corners for index in polygon):
+    polygons = corners.tolist() if isinstance(corners, np.ndarray) else corners
+    indices = np.fromiter(chain.from_iterable(polygons), np.float64)
+    if not (np.isfinite(indices) & (indices == np.trunc(indices))).all():
         raise MeshError("a PLY file whose vertex_indices are no whole numbers")
-    return Soup(vertices, triangulate(vertices, [[int(index) for index in polygon] for polygon in corners]))
+    return Soup(vertices, triangulate(vertices, [[int(index) for index in polygon] for polygon in polygons]))
 
 
 def ply_tables(content: bytes) -> "dict[str, Table]":

@@ -11,7 +11,11 @@ import pytest
 
 import optiplan
 from optiplan.bench.execution.code_version import own_code, own_digest, planner_code
-from optiplan.bench.execution.runner import CodeError
+from optiplan.bench.execution.pool import LocalPool
+from optiplan.bench.execution.runner import open_results, run_suite
+from optiplan.bench.results.imported import read_results
+from optiplan.bench.results.records import ChangedError
+from optiplan.bench.suite.suite import load_suite
 from optiplan.cli.main import run as main
 from optiplan.errors import InputError
 
@@ -118,8 +122,23 @@ def test_code_that_changes_while_a_suite_runs_ends_it(write_suite, run, mine):
     def change(outcome):
         (mine / "helping.py").write_text("SECONDS = 0.02\n")
 
-    with pytest.raises(CodeError, match="'minemine:Mine' or of optiplan was changed"):
+    with pytest.raises(ChangedError, match="'minemine:Mine' or of optiplan was changed"):
         run(path, watch=change)
+
+
+def test_files_that_change_end_a_suite_and_an_import(write_suite, robot_of_ours, tmp_path):
+    path = write_suite(planners=["quintic"], problems=[{"glob": str(robot_of_ours / "p*.yaml")}])
+    suite, block = load_suite(path, tmp_path / "files"), robot_of_ours / "block.stl"
+    block.write_text(block.read_text().replace(".2", ".3"))
+    file, out = tmp_path / "their.json", tmp_path / "in"
+    file.write_text(json.dumps([{"problem": "ours/p0", "trajectory": {"t": [0, 1, 2], "q": [[0], [0.1], [0.2]]}}]))
+    with open_results(suite, tmp_path / "out") as store:
+        with pytest.raises(ChangedError, match=r"ours/p\d: its robot or its meshes were changed"):
+            run_suite(suite, store, LocalPool(1), "1 local", lambda outcome: None)
+        assert not store.done()
+        with pytest.raises(ChangedError, match="ours/p0: its robot or its meshes were changed"):
+            read_results(file, "theirs", store, out)
+    assert not out.exists()
 
 
 def test_a_planner_that_cannot_be_made_is_that_planner_s_failure(write_suite, tmp_path, capsys):

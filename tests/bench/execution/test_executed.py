@@ -70,7 +70,7 @@ def test_files_that_were_changed_since_the_suite_was_read_are_not_planned_with(r
     problem, block = load_problem(robot_of_ours / "p0.yaml"), robot_of_ours / "block.stl"
     block.write_text(block.read_text().replace(".2", ".3"))
     row = outcome(problem, "quintic").row
-    assert (row.verified, row.failure_kind) == (False, "bad-input")
+    assert (row.verified, row.failure_kind) == (False, "changed")
     assert "its meshes were changed since the suite was read" in row.failure_detail
 
 

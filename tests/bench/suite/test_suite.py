@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.results.records import BenchTask
 from optiplan.bench.sources.base import Found
 from optiplan.bench.sources.readers import READERS
@@ -43,6 +44,11 @@ def test_problem_files_are_found_and_hashed(load, problems):
         assert problem.hash == original.hash == problem_from_dict(problem.data, "/nowhere").hash
         assert problem.data == original.source
         assert problem.origin == {"file": str(problems / f"{name}.yaml")}
+
+
+def test_every_shipped_problem_is_the_one_that_is_loaded(load, problems):
+    suite, robots = load(f"problems: [{{glob: '{problems}/*.yaml'}}]\nplanners: [quintic]\n"), RobotCache()
+    assert [one.id for one in suite.problems if problem_from_dict(one.data, "/", robots).hash != one.hash] == []
 
 
 def test_short_forms_of_a_file_are_written_out_first(load, tmp_path):

@@ -103,10 +103,16 @@ def test_obj_indices_count_from_the_end_and_lines_go_on():
 
 @pytest.mark.parametrize("kind", ["int", "float"])
 def test_ply_indices_are_whole_numbers(kind):
-    header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    header = "ply\nformat {} 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
     header += f"element face 1\nproperty list uchar {kind} vertex_indices\nend_header\n"
-    with pytest.raises(MeshError, match="no whole numbers"):
-        reading_process.READERS[".ply"](f"{header}0 0 0\n1 0 0\n0 1 0\n3 0.9 1.9 2.9\n".encode())
+    files = [f"{header.format('ascii')}0 0 0\n1 0 0\n0 1 0\n3 0.9 1.9 2.9\n".encode()]
+    if kind == "float":
+        corners = np.array([0, 0, 0, 1, 0, 0, 0, 1, 0], "<f4").tobytes()
+        begin = header.format("binary_little_endian").encode() + corners + b"\x03"
+        files += [begin + np.array([0, 1, last], "<f4").tobytes() for last in (1.9, np.inf, np.nan)]
+    for file in files:
+        with pytest.raises(MeshError, match="no whole numbers"):
+            reading_process.READERS[".ply"](file)
 
 
 DAE = """<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">

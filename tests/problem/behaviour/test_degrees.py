@@ -101,6 +101,17 @@ def test_degrees_of_another_form_are_refused(tmp_path, rotation):
         load(tmp_path, rotation=rotation)
 
 
+@pytest.mark.parametrize(("angle", "says"), [(".nan", "NaN"), (".inf", "infinity")])
+def test_degrees_that_are_no_numbers_are_told_once(tmp_path, angle, says):
+    with pytest.raises(op.InputError) as caught:
+        load(tmp_path, rotation=f"rpy_deg: [0, {angle}, 0]")
+    assert [(issue.field, issue.found) for issue in caught.value.issues] == [
+        ("scene.obstacles[0].pose.rpy_deg[1]", says)
+    ]
+    with pytest.raises(ValueError, match="in rpy_deg; expected three finite numbers"):
+        pose_from_data({"rpy_deg": [0.0, float(angle[1:]), 0.0]})
+
+
 def test_steps_of_tasks_and_vias_take_degrees(tmp_path):
     file = tmp_path / "task.yaml"
     file.write_text(

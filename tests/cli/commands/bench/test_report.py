@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import sqlite3
 
 import pytest
 
@@ -62,6 +63,10 @@ def test_report_show_and_compare(folder, tmp_path, optiplan, optiplan_json, monk
     assert (code, "expected planner quintic; seed 0; repetition 0" in err) == (2, True)
     code, _, err = optiplan("bench", "show", folder, "s/fre", "quintic")
     assert (code, "choose from: s/free, s/shut-in" in err) == (2, True)
+    with sqlite3.connect(folder / "results.sqlite") as db:
+        db.execute("""UPDATE problems SET data = json_set(data, '$.robot', '/gone/robot.yaml') WHERE id = 's/free'""")
+    code, _, err = optiplan("bench", "show", folder, "s/free", "quintic")
+    assert (code, f"{folder}: s/free: robot: '/gone/robot.yaml', but there is no file" in err) == (2, True)
 
     code, data = optiplan_json("bench", "compare", folder, folder, "--gate")
     assert (code, data["common"], data["regressions"], data["notes"]) == (0, 2, [], [])
