@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 import optiplan as op
+from optiplan.geometry.poses import FixedPose
 from optiplan.verify.verify import verify
 from tests.verify.motions import quintic
 
@@ -78,6 +79,7 @@ def test_a_body_without_a_pose_is_bad_input():
 def test_a_read_only_pose_is_copied_and_pickled(problem, again):
     X = problem.scene.obstacles[0].X_WO
     assert again(X) == X
+    assert isinstance(again(X), FixedPose)
     assert (X * X.inverse()).isIdentity()
 
 
