@@ -161,6 +161,14 @@ class FixedPose(pin.SE3):  # type: ignore[misc]  # pinocchio has no types
         """How to pickle it."""
         return FixedPose, (self.copy(),)
 
+    def __copy__(self) -> "FixedPose":
+        """Itself; pinocchio would give a pose that can be edited."""
+        return self
+
+    def __deepcopy__(self, memo: Any) -> "FixedPose":
+        """Itself."""
+        return self
+
 
 class ReadOnlyPoses(ReadOnlyArrays):
     """A frozen dataclass with poses and arrays that nobody may write into: its attributes are copies."""

@@ -6,14 +6,14 @@ from functools import cached_property
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, ReadOnlyArrays, read_only
 
 _FLAT = 1e-9
 """m²: points that span less area have no inside."""
 
 
 @dataclass(frozen=True, eq=False)
-class SupportPolygon:
+class SupportPolygon(ReadOnlyArrays):
     """A convex polygon in the horizontal plane z = `height` of the world.
 
     Attributes:
@@ -41,12 +41,12 @@ class SupportPolygon:
         """Unit normals (k, 2) of the edges, inward; edge i leads from corner i to the next."""
         along = np.roll(self.corners, -1, axis=0) - self.corners
         inward = np.stack([-along[:, 1], along[:, 0]], axis=1)
-        return np.asarray(inward / np.linalg.norm(inward, axis=1)[:, None])
+        return read_only(inward / np.linalg.norm(inward, axis=1)[:, None])
 
     @cached_property
     def offsets(self) -> Array:
         """Distances (k,) of the edges from the origin along their normals, m: inside is n · p >= offset."""
-        return np.asarray((self.normals * self.corners).sum(axis=1))
+        return read_only((self.normals * self.corners).sum(axis=1))
 
     @property
     def area(self) -> float:

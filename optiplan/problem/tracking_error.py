@@ -1,6 +1,7 @@
 """`tracking_error` of a problem: how far the robot's joints may be from the motion that is planned for them."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,9 @@ KEY = "tracking_error"
 
 _SPARE = 1e-6
 """rad or m: what the verifier lets position limits be passed by is left to it."""
+
+_ROUNDING = 0.5 * _SPARE
+"""rad or m: motions that rest at a narrower limit end beyond it by less, and may be gone on from there."""
 
 TrackingError = float | Sequence[float] | Mapping[str, float]
 """rad or m: one number for all joints, or a value for each."""
@@ -57,6 +61,17 @@ def room_at_limits(error: Array) -> Array:
     return np.where(error > 0.0, error + _SPARE, 0.0)
 
 
+def narrower_limits(limits: Limits, error: Array, ends: Array) -> Limits:
+    """Return the limits that motions keep with the error (n,); ends (k, n) beyond them by rounding are within."""
+    room, off = room_at_limits(error), np.where(error > 0.0, _ROUNDING, 0.0)
+    lower, upper = limits.lower + room, limits.upper - room
+    return replace(
+        limits,
+        lower=np.clip(ends.min(axis=0), lower - off, lower),
+        upper=np.clip(ends.max(axis=0), upper, upper + off),
+    )
+
+
 class StatedEnd(NamedTuple):
     """Values q (k,), rad or m, of some joints, and where they are stated."""
 
@@ -77,11 +92,12 @@ def nearer_than_error(
 
 
 def _near(document: Document, robot: Robot, limits: Limits, error: Array, end: StatedEnd) -> list[Issue]:
+    """Values that are beyond a narrower limit by rounding are none of them: see `narrower_limits`."""
     issues, room = [], room_at_limits(error)
     for name, value in zip(end.joints, end.q.tolist(), strict=True):
         j = robot.joint_names.index(name)
         low, high = (float(f"{bound:.10g}") for bound in (limits.lower[j] + room[j], limits.upper[j] - room[j]))
-        if error[j] > 0.0 and not low <= value <= high:
+        if error[j] > 0.0 and not low - _ROUNDING <= value <= high + _ROUNDING:
             found = f"{name} = {value:.10g}, nearer to its limit than the tracking error"
             fits = f"a value in [{low:.10g}, {high:.10g}]" if low <= high else "a smaller tracking error"
             issues.append(document.issue(end.place, found, fits))

@@ -74,6 +74,17 @@ def test_a_start_nearer_to_its_limit_than_the_error(problem):
     assert op.plan(farthest, "quintic", tracking_error=0.011).verified
 
 
+def test_what_rounding_puts_beyond_a_narrower_limit_is_gone_on_from(problem):
+    """A motion to the limit ended 4e-15 rad beyond it, and was refused as a start."""
+    narrow, limit = problem.with_parts(tracking_error=0.01455), problem.limits.upper[-1] - 0.01455 - 1e-6
+    beyond = np.append(problem.start[:-1] + 0.1, limit + 4e-7)
+    away = narrow.with_goal(problem.start)
+    assert op.plan(away.with_start(beyond), "line").verified
+    assert op.plan(narrow.with_goal(beyond), "line").verified
+    with pytest.raises(InputError, match="nearer to its limit"):
+        away.with_start(np.append(problem.start[:-1], limit + 6e-7))
+
+
 def test_vias_and_ends_of_moves_nearer_to_a_limit_than_the_error(problem):
     upper = problem.robot.limits.upper
     near = np.append(problem.start[:-1], upper[-1] - 0.01)

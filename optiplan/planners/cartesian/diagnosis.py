@@ -51,8 +51,10 @@ class Ending:
         return Failure(self.kind, f"{place}: {self.words}", witness | self.more)
 
 
-def first_ending(model: CollisionModel, tracker: Tracker, followed: Trajectory, budget: Budget) -> Failure | None:
-    """Return the first obstacle, limit or singularity that ends a tool path early, or None.
+def first_ending(
+    model: CollisionModel, tracker: Tracker, followed: Trajectory, budget: Budget, last: Ending | None = None
+) -> Failure | None:
+    """Return the first obstacle, limit or singularity that ends a tool path early, its `last` ending, or None.
 
     Its witness has the followed path as a `motion`, where `refused_path` can time it. Once the budget is over, the
     answer means nothing.
@@ -62,10 +64,11 @@ def first_ending(model: CollisionModel, tracker: Tracker, followed: Trajectory, 
         tracker: of the path.
         followed: q over s from 0 as far as the path could be followed.
         budget: polled while obstacles are looked for.
+        last: why the path was followed no farther; None: no step beyond was possible, where it ends early.
     """
-    if followed.duration < 1.0:
-        last: Ending | None = _stuck(tracker, followed.duration, followed.end)
-    else:
+    if last is None and followed.duration < 1.0:
+        last = _stuck(tracker, followed.duration, followed.end)
+    elif last is None:
         last = other_branch(tracker.robot, followed.end, tracker.aim.goal)
     first = first_refusal(model, tracker.robot, followed, budget, last)
     return None if first is None else first.failure(tracker.path.pose(first.s))

@@ -67,12 +67,11 @@ def follow(model: CollisionModel, tracker: Tracker, start: Array, budget: Budget
         return out_of_time(budget, _DOING)
     if len(knots.s) < 2:
         return stuck(tracker, 0.0, start)
+    followed, last = knots.path(tracker.robot.joint_names), None
     if len(knots.s) == _MOST_KNOTS and knots.s[-1] < 1.0:
         words = f"so far the joints' path has {_MOST_KNOTS} knots, and no path may have more"
-        long = Ending(knots.s[-1], knots.state[-1][0], "no-path", "knots", words, {})
-        return long.failure(tracker.path.pose(long.s))
-    followed = knots.path(tracker.robot.joint_names)
-    ending = first_ending(model, tracker, followed, budget)
+        last = Ending(followed.duration, followed.end, "no-path", "knots", words, {})
+    ending = first_ending(model, tracker, followed, budget, last)
     if ending is not None:
         return out_of_time(budget, _DOING) if budget.over else ending
     still = max(np.abs(bound - start).max() for bound in followed.extrema(0)) < NO_MOTION

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.problem.goals_and_vias import JointGoal
 from optiplan.problem.problem import Problem, derived
-from optiplan.problem.tracking_error import room_at_limits
+from optiplan.problem.tracking_error import narrower_limits
 from optiplan.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -25,10 +26,10 @@ def planned_in_tube(problem: Problem) -> Problem:
     Position limits are narrower by the error; tolerances of path constraints by what it can do to a frame anywhere. The
     clearance is that of the planners' collision models, which know the error. The verifier has `problem` itself.
     """
-    room, limits = room_at_limits(problem.tracking_error), problem.limits
-    if not room.any():
+    if not problem.tracking_error.any():
         return problem
-    narrower = replace(limits, lower=limits.lower + room, upper=limits.upper - room)
+    ends = [one.q for one in (*problem.goal, *(via.at for via in problem.vias)) if isinstance(one, JointGoal)]
+    narrower = narrower_limits(problem.limits, problem.tracking_error, np.array([problem.start, *ends]))
     steps = [replace(step, constraints=_narrower(problem, step.constraints)) for step in problem.task]
     constraints = _narrower(problem, problem.path_constraints)
     return derived(problem, limits=narrower, task=tuple(steps), path_constraints=constraints)

@@ -102,7 +102,7 @@ class SeamSearch:
 
     def run(self) -> FoundSeam | Failure:
         """Search within the budget."""
-        tool = SeamTool(self.problem.robot, self.path)
+        tool = SeamTool(replace(self.problem.robot, limits=self.problem.limits), self.path)
         if self.problem.robot.n < tool.equalities:
             words = f"{self.problem.robot.n} joints cannot hold the {tool.equalities} coordinates that the path gives"
             return Failure("unsupported", words)

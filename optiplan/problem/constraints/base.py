@@ -14,6 +14,7 @@ from optiplan.arrays import Array
 from optiplan.config.document import Number, Strict
 from optiplan.config.simple_yaml import Place
 from optiplan.config.values import Direction, Length, Name, Vector
+from optiplan.geometry.poses import ReadOnlyPoses
 
 WHOLE = (0.0, 1.0)
 
@@ -102,8 +103,8 @@ Angle: TypeAlias = Annotated[float, Key(Annotated[Length, Field(le=np.pi)])]
 """An angle in (0, pi], rad."""
 
 
-class Statement(ABC):
-    """A path constraint: what holds, in numbers, and how a problem file says it.
+class Statement(ReadOnlyPoses, ABC):
+    """A path constraint: what holds, in numbers that are read-only, and how a problem file says it.
 
     Attributes:
         KEY: in a problem file.

@@ -195,10 +195,16 @@ def test_two_joints_cannot_do_what_takes_six():
     assert (failure.kind, failure.witness["fraction"]) == ("unsupported", 0.0)
 
 
-def test_a_path_of_too_many_knots_says_so(monkeypatch):
+def test_a_path_of_too_many_knots_says_so_where_nothing_ends_it_before(monkeypatch):
     monkeypatch.setattr(path_following, "_MOST_KNOTS", 4)
-    failure = run("ur5", paths("ur5")["line"])
+    path = paths("ur5")["line"]
+    failure = run("ur5", path)
     assert (failure.kind, failure.witness["cause"]) == ("no-path", "knots")
+    robot = model("ur5").robot
+    narrow = replace(robot, limits=replace(robot.limits, lower=UR5 - 1e-3, upper=UR5 + 1e-3))
+    held = Tracker(narrow, narrow.limits, robot.tool_frame, path, Aim())
+    before = follow(model("ur5"), held, UR5, Budget(20.0))
+    assert (before.kind, before.witness["fraction"] < failure.witness["fraction"]) == ("limits", True)
 
 
 def test_first_crossing_of_a_limit_is_found():

@@ -1,12 +1,17 @@
 """Paths of the tool: planned and proved with a free turn, a cone, a fixed turn and stops, or refused."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.collision.model import CollisionModel
+from optiplan.planners.base import Budget, silent
 from optiplan.planners.seams.posture_ladder import rounded_down
+from optiplan.planners.seams.seam_search import SeamSearch
+from optiplan.problem.problem import derived
 
 DOWN = [0, 0, -1]
 LINE = [[0.5, -0.1, 0.3], [0.5, 0.0, 0.32], [0.5, 0.1, 0.3]]
@@ -85,6 +90,17 @@ def test_a_path_out_of_reach_names_its_first_point_and_the_nearest_pose():
     assert "the nearest pose found is at" in run.failure.detail
     assert 0.05 < run.failure.witness["path"] < 0.4
     assert run.failure.witness["step"] == 1
+
+
+def test_the_tool_is_brought_to_its_path_within_the_limits_of_the_problem():
+    """Those of the robot are wider where a tracking error is stated; what was found beyond them was dropped."""
+    problem = op.Problem("panda", "ready", task=op.Path([[0.4, -0.1, 0.2], [0.4, 0.1, 0.2]], 0.1, axis=DOWN))
+    narrow = replace(problem.limits, lower=problem.start - 0.85, upper=problem.start + 0.85)
+    path, model = problem.task[0].action, CollisionModel(problem.robot, problem.scene)
+    failure = SeamSearch(derived(problem, limits=narrow), path, model, None, Budget(5.0), silent).run()
+    assert failure.kind == "reach"
+    nearest = np.array(failure.witness["q"])
+    assert (np.abs(nearest - problem.start) <= 0.85 + 1e-9).all()
 
 
 def test_a_speed_beyond_the_arm_names_the_step_and_a_joint():

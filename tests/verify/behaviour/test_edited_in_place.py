@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 import optiplan as op
+from optiplan.geometry.poses import FixedPose
 from optiplan.verify.verify import verify
 from tests.verify.motions import quintic
 
@@ -29,11 +30,12 @@ def edits(X):
     ]
 
 
-def test_poses_of_bodies_are_read_only(problem):
+def test_poses_of_bodies_and_path_constraints_are_read_only(problem):
     (wall,) = problem.scene.obstacles
+    (box,) = problem.with_constraint(op.PositionBox("tool", (3, 3, 3), pin.SE3.Identity())).path_constraints
     (pose,) = problem.with_goal(op.Pose((1.1, 0.7, 0.0), frame="tool")).goal
     poses = [(pose, pose.X_WG), ("base", problem.robot.mounting.X_WB)]
-    for body, X in (*poses, (wall, wall.X_WO), (held := wall.attached_to("link2"), held.X_LO)):
+    for body, X in (*poses, ("box", box.X_WC), (wall, wall.X_WO), (held := wall.attached_to("link2"), held.X_LO)):
         before = X.copy()
         for edit in edits(X):
             with pytest.raises((AttributeError, ValueError)):
@@ -56,7 +58,7 @@ def test_a_pose_that_is_edited_later_is_not_that_of_the_body(problem):
 def test_what_else_a_problem_and_its_robot_hold_is_read_only(problem):
     """`op.certify` keeps the limits of a problem, and once proved chunks with those from before an edit.
 
-    The hash of a problem is that of its goals as they were stated.
+    The hash of a problem is that of its goals and path constraints as they were stated.
     """
     turn = {"axis": (0, 0, 1), "angle": [0, 1], "about": (0, 0, 0)}
     motion = problem.scene.obstacles[0].moving([[0], [0, 0.2], [0]], turn=turn).motion
@@ -64,6 +66,11 @@ def test_what_else_a_problem_and_its_robot_hold_is_read_only(problem):
     to = problem.with_goal(op.State([0.4, 0.2], [0.1, 0.0])).with_vias([0.3, 0.2])
     arrays += [problem.goal[0].q, to.goal[0].velocity, to.vias[0].at.q]
     arrays += [*problem.robot.configurations.values(), problem.robot.mounting.gravity, problem.robot.revolute]
+    box = op.PositionBox("tool", (3, 3, 3), pin.SE3.Identity())
+    balance = op.TipOver([[0, 0], [1, 0], [0, 1]])
+    box, balance = problem.with_constraint(box).with_constraint(balance).path_constraints
+    ground = balance.polygon
+    arrays += [box.size, balance.corners, ground.corners, ground.normals, ground.offsets]
     for array in [*arrays, *vars(problem.limits.scaled(velocity=0.5)).values()]:
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0.0
@@ -78,6 +85,7 @@ def test_a_body_without_a_pose_is_bad_input():
 def test_a_read_only_pose_is_copied_and_pickled(problem, again):
     X = problem.scene.obstacles[0].X_WO
     assert again(X) == X
+    assert isinstance(again(X), FixedPose)
     assert (X * X.inverse()).isIdentity()
 
 
