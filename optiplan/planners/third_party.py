@@ -7,8 +7,11 @@ from inspect import isabstract
 from operator import attrgetter
 from typing import Any, TypeAlias
 
+import numpy as np
+
 from optiplan.errors import InputError, Issue
 from optiplan.planners.base import Budget, Planner, PlanResult, Progress
+from optiplan.planners.option_schema import default_of
 from optiplan.problem.problem import Problem
 
 PlannerClass: TypeAlias = type[Planner[Any]]
@@ -67,7 +70,16 @@ def options_set(planner: Planner[Any]) -> dict[str, Any]:
     options = getattr(planner, "options", None)
     if not is_dataclass(options):
         return dict(options) if isinstance(options, Mapping) else {}
-    return {f.name: value for f in fields(options) if (value := getattr(options, f.name)) != f.default}
+    values = {f: getattr(options, f.name) for f in fields(options)}
+    return {f.name: value for f, value in values.items() if not _same(value, default_of(f))}
+
+
+def _same(value: Any, default: Any) -> bool:
+    """Whether an option has its default; arrays of other shapes cannot be compared, nor what holds arrays."""
+    try:
+        return bool(np.all(value == default))
+    except ValueError:
+        return False
 
 
 _STATED = (
