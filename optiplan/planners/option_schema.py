@@ -112,7 +112,8 @@ class Option:
 def options_of(cls: type[Any]) -> tuple[Option, ...]:
     """Return the options of an options dataclass."""
     types, texts = get_type_hints(cls), meanings(cls)
-    return tuple(Option(f.name, kind_of(types[f.name]), default_of(f), texts[f.name].text) for f in fields(cls) if f.init)
+    given = [f for f in fields(cls) if f.init]
+    return tuple(Option(f.name, kind_of(types[f.name]), default_of(f), texts[f.name].text) for f in given)
 
 
 def default_of(of: Field[Any]) -> Any:

@@ -9,9 +9,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from optiplan.errors import InputError, Issue
+from optiplan.errors import InputError, Issue, described
 from optiplan.planners.base import Budget, Planner, PlanResult, Progress
-from optiplan.planners.option_schema import default_of
+from optiplan.planners.option_schema import default_of, in_words, option_error
 from optiplan.problem.problem import Problem
 
 PlannerClass: TypeAlias = type[Planner[Any]]
@@ -82,10 +82,14 @@ def _same(value: Any, default: Any) -> bool:
         return False
 
 
-_STATED = (
-    *("passes_vias", "joins_legs", "holds_constraints", "end_derivatives", "times_obstacles"),
-    *("replan", "near", "check"),
-)
+_STATED = {
+    "passes_vias": bool,
+    "joins_legs": bool,
+    "holds_constraints": bool,
+    "end_derivatives": int,
+    "times_obstacles": bool,
+}
+_METHODS = "replan", "near", "check"
 """What an object may have beside `plan`, with the meaning of `Planner`."""
 
 
@@ -95,7 +99,13 @@ class _Adapter(Planner[Any]):
     def __init__(self, planner: Any) -> None:
         super().__init__(getattr(planner, "options", None))
         self.planner = planner
-        for name in _STATED:
+        for name, kind in _STATED.items():
+            stated = getattr(planner, name, getattr(self, name))
+            try:
+                setattr(self, name, kind(stated))
+            except (TypeError, ValueError):
+                raise option_error(type(self).__name__, name, described(stated), in_words(kind.__name__)) from None
+        for name in _METHODS:
             setattr(self, name, getattr(planner, name, getattr(self, name)))
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
