@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from math import inf
-from numbers import Real
 from sys import float_info
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
+import numpy as np
 from pydantic import ConfigDict, PydanticUserError, ValidationError, create_model
 from pydantic_core import SchemaError
 
@@ -57,7 +57,8 @@ class Meaning:
         """Return whether a value is within the range; what is neither a number nor a list of them always is."""
         if isinstance(value, tuple | list):
             return self.size in (None, len(value)) and all(map(self.holds, value))
-        if not isinstance(value, Real):
+        is_number = isinstance(value, int | float | np.number)  # mypy compares no np.number
+        if not is_number:
             return True
         return bool(abs(value) <= float_info.max and self.least <= value <= self.most and value > self.above)
 
