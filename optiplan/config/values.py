@@ -33,7 +33,7 @@ FileVersion = Annotated[Literal[1], BeforeValidator(_no_look_alike)]
 
 def _printable(text: str) -> str:
     if not text.isprintable():  # they would rule the terminal that the name is printed to
-        raise ValueError(f"found {text[:60]!r}; expected text of one line without control characters")
+        raise ValueError(f"found {text[:60]!r}; expected text of one line without control characters or unusual blanks")
     return text
 
 

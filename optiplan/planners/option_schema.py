@@ -4,10 +4,12 @@ from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from math import inf
 from sys import float_info
-from types import NoneType
-from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+from types import NoneType, UnionType
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from pydantic import ConfigDict, PydanticUserError, TypeAdapter, ValidationError
+import numpy as np
+from pydantic import ConfigDict, PydanticUserError, ValidationError, create_model
+from pydantic_core import SchemaError
 
 from optiplan.config.messages import describe
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
@@ -16,7 +18,7 @@ Value = TypeVar("Value")
 
 _KEY = "optiplan"
 _TYPES = ConfigDict(strict=True, arbitrary_types_allowed=True)  # of a third-party class: an array, say
-_KINDS = {"float": "a number", "int": "a whole number", "bool": "true or false", "str": "text"}
+_KINDS = {"float": "a number", "int": "a whole number", "bool": "true or false", "str": "text", "list": "a list"}
 
 
 class OptionError(OptiPlanError, ValueError):
@@ -52,10 +54,11 @@ class Meaning:
     size: int | None = None
 
     def holds(self, value: Any) -> bool:
-        """Return whether a value is within the range; None ("not given") and text always are."""
-        if isinstance(value, tuple):
+        """Return whether a value is within the range; what is neither a number nor a list of them always is."""
+        if isinstance(value, tuple | list):
             return self.size in (None, len(value)) and all(map(self.holds, value))
-        if isinstance(value, str | NoneType):
+        is_number = isinstance(value, int | float | np.number)  # mypy compares no np.number
+        if not is_number:
             return True
         return bool(abs(value) <= float_info.max and self.least <= value <= self.most and value > self.above)
 
@@ -110,10 +113,12 @@ class Option:
 def options_of(cls: type[Any]) -> tuple[Option, ...]:
     """Return the options of an options dataclass."""
     types, texts = get_type_hints(cls), meanings(cls)
-    return tuple(Option(f.name, kind_of(types[f.name]), _default(f), texts[f.name].text) for f in fields(cls) if f.init)
+    given = [f for f in fields(cls) if f.init]
+    return tuple(Option(f.name, kind_of(types[f.name]), default_of(f), texts[f.name].text) for f in given)
 
 
-def _default(of: Field[Any]) -> Any:
+def default_of(of: Field[Any]) -> Any:
+    """Return the default of an option, also one made by a factory; `required` without one."""
     if of.default_factory is not MISSING:
         return of.default_factory()
     return "required" if of.default is MISSING else of.default
@@ -140,8 +145,8 @@ def make_options(planner: str, cls: type[Any], given: Mapping[str, Any]) -> Any:
             described = [f"{o.name} ({o.kind}, default {o.default})" for o in valid.values()]
             raise UnknownChoiceError(f"option of planner '{planner}'", key, described)
         try:
-            values[key] = TypeAdapter(types[key], config=_TYPES).validate_python(_frozen(value))
-        except (ValidationError, PydanticUserError):  # or a type that pydantic does not know
+            values[key] = _checked(types[key], value)
+        except ValidationError:
             issues.append(Issue.of_option(planner, key, describe(value), in_words(valid[key].kind)))
     if issues:
         raise InputError(issues)
@@ -163,10 +168,10 @@ def kind_of(hint: Any) -> str:
     """Return an option's type in words, without None ("not given")."""
     if get_origin(hint) is Literal:
         return " | ".join(map(str, get_args(hint)))
-    if get_origin(hint) is tuple:
-        return f"list of {kind_of(get_args(hint)[0])}"
     parts = [part for part in get_args(hint) if part is not NoneType]
-    return " | ".join(map(kind_of, parts)) if parts else str(hint.__name__)
+    if get_origin(hint) in (tuple, list):
+        return f"list of {kind_of(parts[0])}"
+    return " | ".join(map(kind_of, parts)) if get_origin(hint) in (Union, UnionType) else str(hint.__name__)
 
 
 def in_words(kind: str) -> str:
@@ -180,10 +185,28 @@ def in_words(kind: str) -> str:
     return f"a list of {words.removeprefix('a ')}s" if inner in ("float", "int") else f"a list, each {words}"
 
 
+def _checked(hint: Any, value: Any) -> Any:
+    """Return a value as the type of an option has it: a list as it is where it fits, else as a tuple.
+
+    A value of a type that pydantic cannot check, as third-party classes may have, is returned as it is.
+
+    Raises:
+        ValidationError: it is not of the type.
+    """
+    try:
+        one = create_model("Option", __config__=_TYPES, value=(hint, ...))
+    except (PydanticUserError, SchemaError):
+        return value
+    try:
+        return vars(one.model_validate({"value": value}))["value"]
+    except ValidationError:
+        return vars(one.model_validate({"value": _frozen(value)}))["value"]
+
+
 def _frozen(value: Any) -> Any:
     """Convert YAML lists to tuples, at any depth."""
     return tuple(map(_frozen, value)) if isinstance(value, list) else value
 
 
 def _shown(value: Any) -> str:
-    return str(list(value)) if isinstance(value, tuple) else describe(value)
+    return str(list(value)) if isinstance(value, tuple | list) else describe(value)

@@ -7,8 +7,11 @@ from inspect import isabstract
 from operator import attrgetter
 from typing import Any, TypeAlias
 
-from optiplan.errors import InputError, Issue
+import numpy as np
+
+from optiplan.errors import InputError, Issue, described
 from optiplan.planners.base import Budget, Planner, PlanResult, Progress
+from optiplan.planners.option_schema import default_of, in_words, option_error
 from optiplan.problem.problem import Problem
 
 PlannerClass: TypeAlias = type[Planner[Any]]
@@ -67,13 +70,26 @@ def options_set(planner: Planner[Any]) -> dict[str, Any]:
     options = getattr(planner, "options", None)
     if not is_dataclass(options):
         return dict(options) if isinstance(options, Mapping) else {}
-    return {f.name: value for f in fields(options) if (value := getattr(options, f.name)) != f.default}
+    values = {f: getattr(options, f.name) for f in fields(options)}
+    return {f.name: value for f, value in values.items() if not _same(value, default_of(f))}
 
 
-_STATED = (
-    *("passes_vias", "joins_legs", "holds_constraints", "end_derivatives", "times_obstacles"),
-    *("replan", "near", "check"),
-)
+def _same(value: Any, default: Any) -> bool:
+    """Whether an option has its default; arrays of other shapes cannot be compared, nor what holds arrays."""
+    try:
+        return bool(np.all(value == default))
+    except ValueError:
+        return False
+
+
+_STATED = {
+    "passes_vias": bool,
+    "joins_legs": bool,
+    "holds_constraints": bool,
+    "end_derivatives": int,
+    "times_obstacles": bool,
+}
+_METHODS = "replan", "near", "check"
 """What an object may have beside `plan`, with the meaning of `Planner`."""
 
 
@@ -83,7 +99,13 @@ class _Adapter(Planner[Any]):
     def __init__(self, planner: Any) -> None:
         super().__init__(getattr(planner, "options", None))
         self.planner = planner
-        for name in _STATED:
+        for name, kind in _STATED.items():
+            stated = getattr(planner, name, getattr(self, name))
+            try:
+                setattr(self, name, kind(stated))
+            except (TypeError, ValueError):
+                raise option_error(type(self).__name__, name, described(stated), in_words(kind.__name__)) from None
+        for name in _METHODS:
             setattr(self, name, getattr(planner, name, getattr(self, name)))
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:

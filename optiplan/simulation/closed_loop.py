@@ -24,6 +24,10 @@ from optiplan.simulation.tasks.course import NOTHING_HELD, Course
 BLOCK = 2000
 """Steps that are prepared and judged at once."""
 
+_MOST = 1e9
+"""Bound on positions and velocities, rad or m, and per s: a motion beyond it grows without bound, and differences and
+squares of such numbers are finite."""
+
 OF_TASKS = "a task, in which objects change hands", "a problem with a goal"
 """Found and expected where a loop is given a task: objects would stay where they are at first."""
 
@@ -78,7 +82,7 @@ def simulate(loop: Loop, progress: Callable[[float], None] | None = None) -> Log
     """Run a closed loop from the plant's present state to the end of its reference, and what is left to settle.
 
     In each period: measure q and v; sample the reference; command; the plant moves in its own, finer steps, with the
-    command that is due after the delay. A plant whose state is no longer finite ends the loop, and the log says so.
+    command that is due after the delay. A plant whose state grows without bound ends the loop, and the log says so.
 
     Args:
         loop: what to run.
@@ -101,7 +105,7 @@ def simulate(loop: Loop, progress: Callable[[float], None] | None = None) -> Log
         count, wanted = len(t), _targets(loop.reference, t, dt)
         for k in range(count):
             q, v = plant.q, plant.v
-            if not np.isfinite(q).all():
+            if not (np.abs((q, v)) < _MOST).all():
                 recorder.end_block(t, watch)
                 return recorder.log(statuses, watch, f"the motion grew without bound at {t[k]:.4g} s")
             loop.course.add()

@@ -65,7 +65,7 @@ def from_samples(
         if not np.isfinite(samples).all():
             raise ValueError(f"{key}: found {samples[~np.isfinite(samples)][0]}; expected finite numbers")
     if not names or len(set(names)) < len(names) or not "".join(map(str, names)).isprintable():
-        expected = "one or more different names without control characters"
+        expected = "one or more different names without control characters or unusual blanks"
         raise ValueError(f"joint_names: found {names!r:.120}; expected {expected}")
     try:
         with np.errstate(all="ignore"):

@@ -35,7 +35,7 @@ def defect(joint_names: tuple[str, ...], breakpoints: Array, coefficients: Array
     if n < 1 or len(set(joint_names)) < n:
         return Defect("joint_names", f"{joint_names!r:.120}", "one or more different names")
     if not "".join(map(str, joint_names)).isprintable():  # they stand in programs that are exported
-        return Defect("joint_names", f"{joint_names!r:.120}", "names without control characters")
+        return Defect("joint_names", f"{joint_names!r:.120}", "names without control characters or unusual blanks")
     if coefficients.ndim != 3 or coefficients.shape[::2] != (m, n) or coefficients.shape[1] < 1:
         expected = f"({m}, degree + 1, {n}) for {m} pieces and {n} joints"
         return Defect("coefficients", f"shape {coefficients.shape}", expected)

@@ -108,9 +108,10 @@ def csv_rows(text: str, file: str) -> list[tuple[int, list[str]]]:
 
 def _of_csv(text: str, file: str) -> Samples:
     rows = csv_rows(text, file)
-    header = [cell.strip() for cell in rows[0][1]] if rows else []
+    at, header = rows[0] if rows else (1, [])
+    header = [cell.strip() for cell in header]
     if not header or header[0] not in ("t", "time") or len(header) < 2 or len(set(header)) < len(header):
-        raise InputError([Issue(file, 1, "header", ", ".join(header)[:120] or "nothing", _HEADER)])
+        raise InputError([Issue(file, at, "header", ", ".join(header)[:120] or "nothing", _HEADER)])
     values = []
     for line, row in rows[1:]:
         try:
@@ -125,16 +126,16 @@ def _of_csv(text: str, file: str) -> Samples:
         kind, joint = (name[0], name[2:]) if name[:2] in ("q_", "v_", "a_") else ("q", name)
         if joint in columns[kind]:  # another program may play the other one
             found = f"two columns for {joint}: {header[columns[kind][joint]]}, {name}"
-            raise InputError([Issue(file, 1, "header", found[:120], _HEADER)])
+            raise InputError([Issue(file, at, "header", found[:120], _HEADER)])
         columns[kind][joint] = k
     names = tuple(columns["q"])
     for kind in ("v", "a"):
         if columns[kind] and set(columns[kind]) != set(names):
             found = f"{kind} of {', '.join(columns[kind])}"
-            raise InputError([Issue(file, 1, "header", found, f"those of {', '.join(names) or 'all joints'}")])
+            raise InputError([Issue(file, at, "header", found, f"those of {', '.join(names) or 'all joints'}")])
     parts = {kind: table[:, [columns[kind][name] for name in names]] for kind in _KINDS if columns[kind]}
     if "q" not in parts:
-        raise InputError([Issue(file, 1, "header", ", ".join(header)[:120], _HEADER)])
+        raise InputError([Issue(file, at, "header", ", ".join(header)[:120], _HEADER)])
     return Samples(names, table[:, 0], **parts, file=file)
 
 

@@ -1,7 +1,7 @@
 import sys
 from dataclasses import dataclass, field
 from types import SimpleNamespace
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ from optiplan.errors import InputError, UnknownChoiceError
 from optiplan.planners.base import Planner
 from optiplan.planners.option_schema import OptionError, PlannerOptions, kind_of, option
 from optiplan.planners.registry import FAMILIES, PLANNERS, make_planner, planner_entry
+from optiplan.planners.third_party import options_set
 from tests.planners import cases
 
 
@@ -69,6 +70,8 @@ def test_a_value_out_of_range_is_told_of_its_option():
         (tuple[float, ...] | None, "list of float"),
         (tuple[tuple[float, ...], ...], "list of list of float"),
         (Literal["literal", "qp"], "literal | qp"),
+        (list[float], "list of float"),
+        (dict[str, float] | None, "dict"),
     ],
 )
 def test_types_in_words(hint, words):
@@ -127,24 +130,36 @@ def test_a_planner_from_outside_is_named_by_module_and_class(monkeypatch):
             make_planner(name)
 
 
+class Spoken(Protocol):
+    """What pydantic cannot check."""
+
+
 @dataclass(frozen=True)
-class NeedyOptions:
+class NeedyOptions(PlannerOptions):
     speed: float
     places: list[float] = field(default_factory=lambda: [1.0])
     weights: np.ndarray | None = None
+    scale: np.ndarray = field(default_factory=lambda: np.ones(2))
+    still: StillOptions = field(default_factory=StillOptions)
+    spoken: Spoken | None = None
 
 
-def test_options_without_a_plain_default(monkeypatch):
+def test_options_without_a_plain_default_or_type(monkeypatch):
     class Needy(Still):
         Options = NeedyOptions
 
     monkeypatch.setitem(sys.modules, "somewhere", SimpleNamespace(Needy=Needy))
     listed = [(one.name, one.default) for one in planner_entry("somewhere:Needy").option_list()]
-    assert listed == [("speed", "required"), ("places", [1.0]), ("weights", None)]
-    assert make_planner("somewhere:Needy", {"speed": 2.0, "weights": np.ones(2)}).options.speed == 2.0
+    assert listed[:3] == [("speed", "required"), ("places", [1.0]), ("weights", None)]
+    given = {"speed": 2.0, "weights": np.ones(2), "places": [2.0], "still": StillOptions(2.0), "spoken": "yes"}
+    made = make_planner("somewhere:Needy", given)
+    assert vars(made.options) == given | {"scale": made.options.scale}
+    assert options_set(made) == given
     for options, words in (
         ({}, "'speed'"),
         ({"speed": 1.0, "weights": [1, 2]}, "weights: a list of 2 values; expected ndarray"),
+        ({"speed": 1.0, "places": "here"}, "places: 'here'; expected a list of numbers"),
+        ({"speed": 1.0, "places": [float("nan")]}, "places: .*; expected a finite number"),
     ):
         with pytest.raises(InputError, match=words):
             make_planner("somewhere:Needy", options)

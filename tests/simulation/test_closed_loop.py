@@ -226,6 +226,15 @@ def test_a_loop_that_explodes_says_so(panda, reach, motion, engine, tmp_path, mo
     assert log.summary()["stopped"] == log.stopped
 
 
+@pytest.mark.filterwarnings("error")
+def test_the_log_of_a_loop_that_explodes_is_finite(planar):
+    step = StepReference(np.zeros(2), np.array([0.3, 0.0]), 0.0, 1.0)
+    log = simulate(loop(planar, step, VelocityTracking(1e6), IdealPlant(np.zeros(2), 1e-3)))
+    assert "without bound" in log.stopped
+    assert np.isfinite(log.applied).all()
+    assert np.isfinite(log.trajectory.coefficients).all()
+
+
 def test_a_long_loop_is_logged_thinly_and_judged_whole(planar):
     hold = StepReference(np.zeros(2), np.zeros(2), 0.0, 65.0)
     plant = IdealPlant(np.zeros(2), 1e-3)

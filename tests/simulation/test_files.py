@@ -284,6 +284,7 @@ plant: {engine: ideal}
     path = tmp_path / "path.csv"
     for content, message in (
         ("t,x\n0,1\n", r"path.csv:1: columns"),
+        ("\n\nt,x\n0,1\n", r"path.csv:3: columns"),
         ("t,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,0,0,a,0,0,0,1\n", r"path.csv:3: row"),
         ("t,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,0,0,0,0,0,0,2\n", r"path.csv:3: .*unit quaternion"),
         ("t,x,y,z,qx,qy,qz,qw\n1,0,0,0,0,0,0,1\n\n1,0,0,0,0,0,0,1\n\n", r"path.csv:4: t: .*increase"),

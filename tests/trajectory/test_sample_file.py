@@ -49,9 +49,10 @@ def test_what_is_no_csv_and_no_file_is_named(tmp_path):
             read_samples(tmp_path / name)
 
 
-def test_a_name_with_a_control_character_is_named():
-    samples = samples_from_dict({"joint_names": ["a\u0007"], "t": [0, 1], "q": [[0], [1]]}, "motion")
-    with pytest.raises(InputError, match=r"motion: joint_names: .* without control characters"):
+@pytest.mark.parametrize("name", ["a\u0007", "a\u00a0b"])
+def test_a_name_with_a_control_character_or_unusual_blank_is_named(name):
+    samples = samples_from_dict({"joint_names": [name], "t": [0, 1], "q": [[0], [1]]}, "motion")
+    with pytest.raises(InputError, match=r"motion: joint_names: .* without control characters or unusual blanks"):
         samples.trajectory()
 
 
@@ -60,6 +61,10 @@ def test_a_joint_that_is_stated_twice_is_refused(tmp_path):
     file.write_text("t,a,q_a,b\n0,9,0,0\n1,9,1,1\n")
     with pytest.raises(InputError, match=r"motion\.csv:1: header: two columns for a: a, q_a"):
         read_samples(file)
+    for header in ("x,a", "t,v_a", "t,a,q_a", "t,a,v_b"):  # below empty lines
+        file.write_text(f"\n\n{header}\n")
+        with pytest.raises(InputError, match=r"motion\.csv:3: header"):
+            read_samples(file)
     twice = {"joint_names": ["b", "b", "a"], "t": [0, 1], "q": [[0, 5, 0], [1, 6, 1]]}
     with pytest.raises(InputError, match=r"motion: joint_names: \('b', 'b', 'a'\)"):
         samples_from_dict(twice, "motion", ["a", "b"]).trajectory()

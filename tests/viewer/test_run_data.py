@@ -237,8 +237,9 @@ def test_a_damaged_log_is_refused_in_words(tmp_path):
         damaged.append((tmp_path / LOG).read_bytes())
     for content in damaged:
         (tmp_path / LOG).write_bytes(content)
-        with pytest.raises(op.InputError, match="log"):
+        with pytest.raises(op.InputError, match="log") as caught:
             read_log(tmp_path)
+    assert "q: nan in row 0; expected finite numbers" in str(caught.value)
 
 
 def test_stops_of_a_damaged_record_are_left_out():

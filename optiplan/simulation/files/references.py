@@ -180,9 +180,10 @@ def _recorded(control: ControlFile, spec: RecordedSpec) -> RecordedPath:
 def _numbers(text: str, file: str) -> tuple[list[int], Array]:
     """The lines (K,) of a CSV file with the columns `COLUMNS`, and their numbers (K, 8)."""
     stated = csv_rows(text, file)
-    header = tuple(name.strip() for name in stated[0][1]) if stated else ()
+    line, names = stated[0] if stated else (1, [])
+    header = tuple(name.strip() for name in names)
     if header != COLUMNS:
-        raise InputError([Issue(file, 1, "columns", ", ".join(header)[:120] or "nothing", ", ".join(COLUMNS))])
+        raise InputError([Issue(file, line, "columns", ", ".join(header)[:120] or "nothing", ", ".join(COLUMNS))])
     rows = []
     for at, cells in stated[1:]:
         try:

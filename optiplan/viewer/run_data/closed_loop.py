@@ -39,10 +39,10 @@ def read_log(folder: Path) -> Arrays | None:
     rows = arrays.get("t", np.empty(0)).shape
     for name in {**dict.fromkeys(NEEDED), **arrays}:
         values = arrays.get(name, np.empty(0))
-        if values.size == 0 or values.shape[:1] != rows or not np.isfinite(values).all():
-            raise InputError(
-                [Issue(str(file), None, name, "nothing that fits", "finite numbers, a row for each of `t`")]
-            )
+        fits, wrong = values.size > 0 and values.shape[:1] == rows, np.argwhere(~np.isfinite(values))
+        if not fits or len(wrong):
+            found = f"{values[tuple(wrong[0])]} in row {wrong[0][0]}" if fits else "nothing that fits"
+            raise InputError([Issue(str(file), None, name, found, "finite numbers, a row for each of `t`")])
     return arrays
 
 

@@ -102,7 +102,7 @@ def test_an_object_that_only_has_plan_says_the_same_as_a_planner():
         """Joins legs, holds constraints, and notes what else is asked of it."""
 
         joins_legs = holds_constraints = passes_vias = True
-        end_derivatives, asked = 2, ()
+        end_derivatives, asked = "2", ()
 
         def plan(self, problem, budget, progress):
             return Clock().plan(problem, budget, progress)
@@ -117,6 +117,9 @@ def test_an_object_that_only_has_plan_says_the_same_as_a_planner():
     planner.check(cases.free(), Budget(1.0))
     assert given.asked == ("check",)
     assert planner.replan(cases.free(), None, Budget(1.0), quiet).trajectory is not None
+    given.end_derivatives = None
+    with pytest.raises(op.InputError, match=r"planner 'Straight': end_derivatives: .*; expected a whole number"):
+        planner_object(given)
 
 
 def test_the_last_leg_ends_at_the_goal():
