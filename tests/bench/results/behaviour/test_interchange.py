@@ -2,6 +2,7 @@ import csv
 import json
 import math
 import sqlite3
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -220,7 +221,8 @@ ENTRY = {"problem": "plain/p0", "success": True}
     ],
 )
 def test_foreign_results_that_are_refused(write_results, tmp_path, capsys, content, said):
-    made = write_results(tmp_path / "made", {("plain/p0", "one", 0): (1.0, 2.0)})
+    runs = {("plain/p0", "one", 0): (1.0, 2.0)}
+    made = write_results(tmp_path / "made", runs, problem=lambda one: replace(one, hash=""))  # the made-up one is none
     assert imported((made, None), tmp_path, content) == 2
     assert said in capsys.readouterr().err
     assert not (tmp_path / "in").exists()
