@@ -403,7 +403,7 @@ def _collisions(document: Document, parts: _ProblemParts, compiler: Compiler) ->
     issues = []
     cure = "bodies that are apart (or a pair of scene.allowed_collisions)"
     if parts.start is not None and compiler.start_spec is not None:
-        begun = _begun(scene, [part.value for part in parts.task])
+        begun = _begun(scene, [part.value for part in parts.task]) if parts.task else scene
         found = touching(model if begun is scene else collision_model(parts.robot, begun), parts.start.q)
         if found is not None:
             place = ("start", compiler.start_spec.kind)
