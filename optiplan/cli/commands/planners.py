@@ -1,11 +1,11 @@
 """`optiplan planners`: list planners and their options."""
 
 from collections.abc import Sequence
+from textwrap import fill
 from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
-from rich.padding import Padding
 from rich.table import Table
 
 from optiplan.cli.completion import planner_names
@@ -72,10 +72,12 @@ def _print_list(entries: Sequence[Any]) -> None:
 
 def _print_options(entry: Any) -> None:
     """Summary of a planner, then name, type, default and meaning of each option."""
-    results().print(f"[bold]{escape(entry.name)}[/]: {escape(entry.summary)}")
+    console, indent = results(), 6 * " "
+    console.print(f"[bold]{escape(entry.name)}[/]: {escape(entry.summary)}")
     for option in entry.option_list():
-        results().print(f"  [bold]{option.name}[/]: {escape(option.kind)}, default {escape(_yaml(option.default))}")
-        results().print(Padding(escape(option.meaning), (0, 0, 0, 6), expand=False))
+        console.print(f"  [bold]{option.name}[/]: {escape(option.kind)}, default {escape(_yaml(option.default))}")
+        meaning = fill(option.meaning, console.width, initial_indent=indent, subsequent_indent=indent)
+        console.print(meaning, markup=False)
 
 
 def _yaml(value: Any) -> str:

@@ -1,11 +1,14 @@
+from itertools import cycle
+
 import pytest
 
 from optiplan.cli.commands.planners import _yaml
 from optiplan.planners.registry import FAMILIES, PLANNERS
 
 
-def test_options_and_defaults_of_the_planners_named(optiplan, optiplan_json):
-    for name, entry in PLANNERS.items():
+def test_options_and_defaults_of_the_planners_named(optiplan, optiplan_json, monkeypatch):
+    for columns, (name, entry) in zip(cycle(["1000", "200"]), PLANNERS.items(), strict=False):
+        monkeypatch.setenv("COLUMNS", columns)
         code, out, _ = optiplan("planners", name)
         assert code == 0
         assert out.startswith(f"{name}: ")
