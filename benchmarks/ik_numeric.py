@@ -188,7 +188,7 @@ def main() -> None:
         result[name] = compare(load_robot(name), poses)
         table = Table(name, "poses", "solved", "median ms", "95 % ms", "median / optiplan's")
         for solver, row in result[name].items():
-            cells = [f"{row[key]:.2f}" if key in row else "" for key in ("median_ms", "p95_ms", "ratio")]
+            cells = [f"{row[key]:.2f}" for key in ("median_ms", "p95_ms", "ratio")]
             table.add_row(solver, str(row["poses"]), f"{100 * row['solved']:.2f} %", *cells)
         Console().print(table)
     print(json.dumps({"tolerance": TOLERANCE, "robots": result}))

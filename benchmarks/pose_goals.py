@@ -75,7 +75,7 @@ def main() -> int:
         except KeyboardInterrupt:
             pass
     whole = complete(rows, arguments.seeds)
-    table = list(lines(whole, arguments.seeds))
+    table = list(lines(whole))
     headings = ("problem", "best s", *(f"seed {seed}" for seed in range(arguments.seeds)), "cpu s 50", "within 2 %")
     figures = summary(whole)
     print_table(headings, table)
@@ -192,14 +192,14 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def lines(rows: list[dict[str, Any]], seeds: int) -> Iterator[list[str]]:
+def lines(rows: list[dict[str, Any]]) -> Iterator[list[str]]:
     """Yield the lines of the table, one a problem."""
     for name, group in grouped(rows).items():
-        over = dict(zip((row["seed"] for row in group), ratios(group), strict=True))
+        over = ratios(group)
         best = min((row["duration"] for row in group if row["duration"] is not None), default=None)
-        cells = [f"{over[k]:.3f}" if over.get(k, float("inf")) < float("inf") else "–" for k in range(seeds)]
+        cells = [f"{ratio:.3f}" if ratio < float("inf") else "–" for ratio in over]
         (cpu,) = percentiles((row["cpu"] for row in group), 50)
-        told = "yes" if max(over.values()) <= WITHIN else "no"
+        told = "yes" if max(over) <= WITHIN else "no"
         yield [name, "–" if best is None else f"{best:.3f}", *cells, f"{cpu:.2f}", told]
 
 

@@ -6,7 +6,6 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.coal_queries import make_exact
-from optiplan.geometry.convex import is_flat
 
 _LARGEST_MESH_MARGIN = 0.03
 """m; querying meshes with a larger margin costs more than halving the motion once more."""
@@ -52,9 +51,7 @@ class _Margins:
         self._requests = list(self._queries.collisionRequests)
         self._broad_phase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(model.model, geometry, self._queries)
         # The broad phase misses plane meshes, and does not grow half-spaces by the margins.
-        flat = {k for k, body in enumerate(geometry.geometryObjects) if is_flat(body.geometry)}
-        sheets = [k for k, pair in enumerate(model.pairs) if flat & {pair.a, pair.b}]
-        self._alone = [*model.bounds.plane_pairs.tolist(), *sheets]
+        self._alone = sorted({*model.bounds.plane_pairs.tolist(), *model.flat_pairs})
 
     def set(self, margins: Array) -> None:
         """Set the margins (P,) >= 0."""

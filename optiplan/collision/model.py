@@ -116,9 +116,11 @@ class CollisionModel:
         return PairQueries(self.model, self.geometry)
 
     @cached_property
-    def _flat(self) -> bool:
+    def flat_pairs(self) -> list[int]:
+        """Indices of the pairs with a plane mesh, which the broad phase misses."""
         bodies = {body for pair in self.pairs for body in (pair.a, pair.b)}
-        return any(is_flat(self.geometry.geometryObjects[body].geometry) for body in bodies)
+        flat = {body for body in bodies if is_flat(self.geometry.geometryObjects[body].geometry)}
+        return [k for k, pair in enumerate(self.pairs) if flat & {pair.a, pair.b}]
 
     @property
     def standing_pairs(self) -> Index:
@@ -153,7 +155,7 @@ class CollisionModel:
         The broad phase misses plane meshes. With a plane mesh, or with too many pairs, all pairs whose
         bounding volumes meet are queried instead.
         """
-        if self._flat or self._queries.many:
+        if self.flat_pairs or self._queries.many:
             return self.touches(q)
         if self.outline.pairs and not self.outline.collides(self._data, self.full(q)):
             return False

@@ -380,20 +380,6 @@ def _alternatives(parts: _ProblemParts, goals: int) -> Iterator[list[StatedEnd]]
             yield [StatedEnd(place, end.q, action.joints) for end in ends if len(ends) == len(action.goal)]
 
 
-def _begun(scene: Scene, steps: list["TaskStep"]) -> Scene:
-    """Return the scene with the contacts allowed that the first step of an arm, or of an alternative, allows."""
-    from optiplan.problem.task.scene_change import scene_during
-
-    first: dict[str, list[TaskStep]] = {}
-    for step in steps:
-        own = first.setdefault(step.arm, [])
-        choice = own[0].option if own else None
-        if not own or (choice and step.option and choice[0] == step.option[0] and own[-1].option != step.option):
-            own.append(step)
-            scene = scene_during(scene, step)
-    return scene
-
-
 def _collisions(document: Document, parts: _ProblemParts, compiler: Compiler) -> list[Issue]:
     """Report a start, a via, or a goal with all alternatives, in collision."""
     scene = parts.scene
@@ -403,11 +389,15 @@ def _collisions(document: Document, parts: _ProblemParts, compiler: Compiler) ->
     issues = []
     cure = "bodies that are apart (or a pair of scene.allowed_collisions)"
     if parts.start is not None and compiler.start_spec is not None:
-        begun = _begun(scene, [part.value for part in parts.task]) if parts.task else scene
-        found = touching(model if begun is scene else collision_model(parts.robot, begun), parts.start.q)
+        at_start, of_task = model, ""
+        if parts.task:
+            from optiplan.problem.task.scene_change import scene_at_start
+
+            of_task = ", or of allowed_collisions of the first step"
+            at_start = collision_model(parts.robot, scene_at_start(scene, [part.value for part in parts.task]))
+        found = touching(at_start, parts.start.q)
         if found is not None:
             place = ("start", compiler.start_spec.kind)
-            of_task = ", or of allowed_collisions of the first step" if parts.task else ""
             issues.append(document.issue(place, f"the start is in collision: {found.reason}", f"{cure[:-1]}{of_task})"))
     for via in parts.joint_vias:
         found = touching(later, via.value.q)

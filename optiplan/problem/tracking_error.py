@@ -96,7 +96,7 @@ def _near(document: Document, robot: Robot, limits: Limits, error: Array, end: S
     issues, room = [], room_at_limits(error)
     for name, value in zip(end.joints, end.q.tolist(), strict=True):
         j = robot.joint_names.index(name)
-        low, high = (float(f"{bound:.10g}") for bound in (limits.lower[j] + room[j], limits.upper[j] - room[j]))
+        low, high = limits.lower[j] + room[j], limits.upper[j] - room[j]
         if error[j] > 0.0 and not low - _ROUNDING <= value <= high + _ROUNDING:
             found = f"{name} = {value:.10g}, nearer to its limit than the tracking error"
             fits = f"a value in [{low:.10g}, {high:.10g}]" if low <= high else "a smaller tracking error"

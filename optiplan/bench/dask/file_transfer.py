@@ -59,6 +59,7 @@ class Packer:
         self._digests: dict[str, str] = {}
         self._bundles: dict[str, tuple[Path, tuple[Path, ...]]] = {}
 
+    @reading()  # the hash is of the same bytes as the bundles
     def pack(self, problem: BenchProblem) -> BenchProblem:
         """Return the problem with bundles in place of files; shipped robots stay names.
 
@@ -66,10 +67,6 @@ class Packer:
             TravelError: a robot that cannot be loaded from its files alone.
             ChangedError: files that are not the suite's any more.
         """
-        with reading():  # the hash is of the same bytes as the bundles
-            return self._packed(problem)
-
-    def _packed(self, problem: BenchProblem) -> BenchProblem:
         data: dict[str, Any] = deepcopy(dict(problem.data))
         if isinstance(data["robot"], dict):
             raise TravelError(

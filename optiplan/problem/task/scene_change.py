@@ -64,6 +64,18 @@ def scene_during(scene: Scene, step: TaskStep) -> Scene:
     return scene if step.allowed <= scene.allowed else replace(scene, allowed=scene.allowed | step.allowed)
 
 
+def scene_at_start(scene: Scene, steps: Iterable[TaskStep]) -> Scene:
+    """Return the scene with the contacts allowed that the first step of an arm, or of an alternative, allows."""
+    first: dict[str, TaskStep] = {}
+    for step in steps:
+        before = first.get(step.arm)
+        another = before and before.option and step.option and before.option[0] == step.option[0]
+        if before is None or (another and before.option != step.option):
+            first[step.arm] = step
+            scene = scene_during(scene, step)
+    return scene
+
+
 def carrying(robot: Robot, scene: Scene) -> Robot:
     """Return the robot with the masses, and the frames, of what the scene says it holds, and no others."""
     payload = tuple((held.link, held.inertia_in_link()) for held in scene.attached if held.mass)
