@@ -1,5 +1,6 @@
 """`plan_batch`: folders of thousands of problem files, resumable, into Parquet and LeRobot data sets."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
@@ -137,8 +138,11 @@ def plan_batch(  # noqa: PLR0913  # what a caller may say of a batch
             if progress is not None:
                 progress(episode.file, k / len(left))
         store.flush()
-        counts = store.states()
-        wrong = [row for row in store.rows(["state", "detail"]) if row["state"] != VERIFIED]
+        counts, wrong = Counter[str](), list[Mapping[str, Any]]()
+        for row in store.rows(["state", "detail"]):
+            counts[row["state"]] += 1
+            if row["state"] != VERIFIED:
+                wrong.append(row)
         data_sets = write_lerobot(store, target / LEROBOT) if lerobot else []
     ordered = {state: counts[state] for state in STATES if counts[state]}
     bad = {row["file"]: row["detail"] for row in wrong if row["state"] == BAD_INPUT}

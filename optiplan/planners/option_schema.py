@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from math import inf
-from sys import float_info
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -11,6 +10,7 @@ import numpy as np
 from pydantic import ConfigDict, PydanticUserError, ValidationError, create_model
 from pydantic_core import SchemaError
 
+from optiplan.arrays import is_finite
 from optiplan.config.messages import describe
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
 
@@ -57,10 +57,9 @@ class Meaning:
         """Return whether a value is within the range; what is neither a number nor a list of them always is."""
         if isinstance(value, tuple | list):
             return self.size in (None, len(value)) and all(map(self.holds, value))
-        is_number = isinstance(value, int | float | np.number)  # mypy compares no np.number
-        if not is_number:
+        if isinstance(value, bool) or not isinstance(value, int | float | np.number):
             return True
-        return bool(abs(value) <= float_info.max and self.least <= value <= self.most and value > self.above)
+        return is_finite(value) and self.least <= value <= self.most and value > self.above
 
     def __str__(self) -> str:
         """Return the allowed values in words."""

@@ -82,13 +82,7 @@ def _same(value: Any, default: Any) -> bool:
         return False
 
 
-_STATED = {
-    "passes_vias": bool,
-    "joins_legs": bool,
-    "holds_constraints": bool,
-    "end_derivatives": int,
-    "times_obstacles": bool,
-}
+_STATED = "passes_vias", "joins_legs", "holds_constraints", "end_derivatives", "times_obstacles"
 _METHODS = "replan", "near", "check"
 """What an object may have beside `plan`, with the meaning of `Planner`."""
 
@@ -99,8 +93,9 @@ class _Adapter(Planner[Any]):
     def __init__(self, planner: Any) -> None:
         super().__init__(getattr(planner, "options", None))
         self.planner = planner
-        for name, kind in _STATED.items():
-            stated = getattr(planner, name, getattr(self, name))
+        for name in _STATED:
+            usual = getattr(self, name)
+            stated, kind = getattr(planner, name, usual), type(usual)
             try:
                 setattr(self, name, kind(stated))
             except (TypeError, ValueError):

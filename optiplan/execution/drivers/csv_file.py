@@ -36,9 +36,9 @@ class FileDriver:
         try:
             if self._path.exists() and not self._path.is_file():
                 raise OSError(0, "a folder" if self._path.is_dir() else "a device or a pipe")
-            self._partial = self._written = self._path.with_name(self._path.name + PARTIAL)
+            self._written = self._path.with_name(self._path.name + PARTIAL)
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = self._partial.open("w", newline="", encoding="utf-8")
+            self._file = self._written.open("w", newline="", encoding="utf-8")
         except OSError as error:
             found = (error.strerror or str(error)).lower()
             raise InputError([Issue(str(path), None, "file", found, "a file that can be written")]) from error
@@ -75,4 +75,4 @@ class FileDriver:
         finally:
             self._file.close()
         if self._done:
-            self._written = self._partial.replace(self._path)
+            self._written = self._written.replace(self._path)

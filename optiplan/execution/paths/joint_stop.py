@@ -157,7 +157,7 @@ def quickest_stop(point: SetPoint, limits: Limits, share: float, names: tuple[st
 
     Holds at: all times, for acceleration and jerk.
     """
-    most = limits.acceleration * share * (1.0 + VerifyPolicy().limit_tolerance)
+    most = limits.acceleration * share * (1.0 + VerifyPolicy.limit_tolerance)
     if not np.isfinite(most).all() or (np.abs(point.a) > most * (1.0 + LIMIT_ROUNDING)).any():
         return None
     begin, first, jerk = np.zeros((3, len(point.q), 4))
@@ -203,4 +203,4 @@ def within_limits(motion: Trajectory, limits: Limits) -> bool:
         [0.0 * v, h * v / 3.0, h * (2.0 * v / 3.0 + h * a / 6.0), h * (v + h * (0.5 * a + h * j / 6.0))]
     )
     reached = (hull >= limits.lower).all() and (hull <= limits.upper).all()
-    return bool(reached and (speed <= limits.velocity * (1.0 + VerifyPolicy().limit_tolerance)).all())
+    return bool(reached and (speed <= limits.velocity * (1.0 + VerifyPolicy.limit_tolerance)).all())

@@ -114,7 +114,7 @@ class PathLaws:
         motion: Trajectory,
         limits: Limits,
         loads: Sequence[Load],
-        tolerance: float = VerifyPolicy().limit_tolerance,
+        tolerance: float = VerifyPolicy.limit_tolerance,
         starts_at_rest: bool = False,
     ) -> None:
         if core is None:

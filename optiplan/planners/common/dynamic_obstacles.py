@@ -27,12 +27,12 @@ _HALVINGS = 6  # of the interval in which the wait lies
 
 
 class Delayed(NamedTuple):
-    """The motion of this `number`, which begins `wait` seconds later and takes `slower` times as long."""
+    """The motion `whole`, which begins `wait` seconds later and takes `slower` times as long."""
 
     motion: Trajectory
     wait: float
     slower: float
-    number: int
+    whole: Trajectory
 
 
 def wait_for_obstacles(found: PlanResult, problem: Problem, budget: Budget) -> PlanResult:
@@ -73,7 +73,7 @@ def delayed(
         met = first_contact(model, one.motion, lambda: budget.over)
         broken = constraints.broken(one.motion) if met is None else []
         if met is None and not broken:
-            return _sooner(problem, one, motions[one.number], model, constraints, budget)
+            return _sooner(problem, one, model, constraints, budget)
         if budget.over:
             break
         touch = touch or met
@@ -102,7 +102,7 @@ def _in_order(problem: Problem, motions: Sequence[Trajectory]) -> Iterator[Delay
         for (k, motion), wait, factor in product(enumerate(motions), waits, slower)
     ]
     for _, k, wait, factor in sorted(ways):
-        yield _delay(motions[k], k, wait, factor)
+        yield _delay(motions[k], wait, factor)
 
 
 def _states_times(problem: Problem) -> bool:
@@ -111,17 +111,12 @@ def _states_times(problem: Problem) -> bool:
 
 
 def _sooner(
-    problem: Problem,
-    good: Delayed,
-    motion: Trajectory,
-    model: CollisionModel,
-    constraints: PathConstraints,
-    budget: Budget,
+    problem: Problem, good: Delayed, model: CollisionModel, constraints: PathConstraints, budget: Budget
 ) -> Delayed:
     """Return a motion that waits less than one that is free, where it is free and holds the constraints, too."""
     low = max((wait for wait in _waits(problem) if wait < good.wait), default=0.0)
     for _ in range(_HALVINGS if good.wait else 0):
-        tried = _delay(motion, good.number, 0.5 * (low + good.wait), good.slower)
+        tried = _delay(good.whole, 0.5 * (low + good.wait), good.slower)
         if first_contact(model, tried.motion, lambda: budget.over) is None and not constraints.broken(tried.motion):
             good = tried
         else:
@@ -129,13 +124,13 @@ def _sooner(
     return good
 
 
-def _delay(motion: Trajectory, number: int, wait: float, slower: float) -> Delayed:
+def _delay(whole: Trajectory, wait: float, slower: float) -> Delayed:
     """Return the motion, slowed down, after a wait."""
-    scaled = motion if slower == 1.0 else motion.scaled(slower * motion.duration)
+    scaled = whole if slower == 1.0 else whole.scaled(slower * whole.duration)
     if wait == 0.0:
-        return Delayed(scaled, wait, slower, number)
+        return Delayed(scaled, wait, slower, whole)
     still = standstill(scaled.joint_names, scaled.start, wait)
-    return Delayed(join_trajectories([still, scaled]), wait, slower, number)
+    return Delayed(join_trajectories([still, scaled]), wait, slower, whole)
 
 
 def _waits(problem: Problem) -> list[float]:

@@ -11,7 +11,6 @@ import errno
 import json
 import os
 import time
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
 from importlib import import_module
@@ -122,15 +121,6 @@ class BatchStore:
                 found |= {(file, seed): digest} if state in ANSWERS else {}
         return found
 
-    def states(self) -> Counter[str]:
-        """How many rows there are of each state, of files that are there."""
-        last: dict[Key, str] = {}
-        for part in self.parts():
-            table = self._pq.read_table(part, columns=["file", "wanted_seed", "state"]).to_pydict()
-            last |= dict(zip(zip(table["file"], table["wanted_seed"], strict=True), table["state"], strict=True))
-        gone = self._gone(last)
-        return Counter(state for (file, _), state in last.items() if file not in gone)
-
     def rows(self, columns: list[str] | None = None) -> Iterator[dict[str, Any]]:
         """Yield the last row of every file and seed, in the order in which they were written, one part in memory.
 
@@ -179,10 +169,10 @@ def _check_settings(folder: Path, settings: Mapping[str, Any]) -> None:
         return
     try:
         before = json.loads(read_bytes(path))
+        if not isinstance(before, dict):
+            raise ValueError(f"{before!r:.60}")
     except (OSError, ValueError) as error:
         raise InputError([Issue(str(path), None, "batch", str(error), f"the {SETTINGS} of a batch")]) from error
-    if not isinstance(before, dict):
-        raise InputError([Issue(str(path), None, "batch", f"{before!r:.60}", f"the {SETTINGS} of a batch")])
     plain = json.loads(json.dumps(settings))
     different = [key for key in sorted({*plain, *before}) if plain.get(key) != before.get(key)]
     if different:

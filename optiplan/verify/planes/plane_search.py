@@ -120,7 +120,7 @@ class PlaneSearch:
         if not (self.known and few):
             return None
         count, (rows, others) = len(intervals.piece), some
-        first = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=count))])
+        first = np.searchsorted(rows, np.arange(count + 1))
         widths = intervals.widths(trajectory)
         motion = self._core.motion(
             np.ascontiguousarray(trajectory.breakpoints),
