@@ -22,8 +22,11 @@ _SPANS, _SAMPLES, _SPACING = 14, 40, 0.05
 _STEPS = 50
 """Largest number of steps of a coarse descent: after about thirty, its duration is known."""
 
-_FIRST_STEPS = 12, 5, 5
-"""Largest number of steps of a curve that is to be a first motion soon, and of it with more samples."""
+_FIRST_STEPS = 12, 5, 5, 5, 5
+"""Largest number of steps of a curve that is to be a first motion soon, and of it with more samples each time."""
+
+_ENOUGH = 0.02
+"""Share of its duration that a step has to gain: later ones mostly gain less, and a proof waits for them."""
 
 _FIRST_RADIUS = 0.02
 """Trust region that such a curve begins with: large first steps from a path with corners are mostly refused."""
@@ -90,8 +93,8 @@ class CoarseDescents:
     def at_once(self, waypoints: Array) -> Trajectory | None:
         """Return the motion of a curve from a path (k, n) after a few steps in the core; None where there is none.
 
-        Where bodies touch between its samples, it gets more of them and a few more steps. Its steps are not counted as
-        work: they are no attempt.
+        Where bodies touch between its samples, it gets more of them and a few more steps, up to four times. Its steps
+        are not counted as work: they are no attempt.
 
         Args:
             waypoints: free among the real obstacles.
@@ -104,7 +107,8 @@ class CoarseDescents:
         u = coarse.instants(control, _SPACING)
         for steps in _FIRST_STEPS:
             descender.set_samples(u)
-            found = descender.optimise(control, DescentOptions(steps, lambda: self.budget.over, radius=_FIRST_RADIUS))
+            limits = DescentOptions(steps, lambda: self.budget.over, radius=_FIRST_RADIUS, enough=_ENOUGH)
+            found = descender.optimise(control, limits)
             control = found.control
             if found.missing > STUCK or self.budget.over:
                 return None

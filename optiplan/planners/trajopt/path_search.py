@@ -23,8 +23,8 @@ from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
 
-_GLANCE, _QUICK = 0.003, 0.065
-"""Work, s, of the first search for a first motion, and of each further one before a straight line is optimised."""
+_QUICK = 0.065
+"""Work, s, of a search for a first motion between the real obstacles."""
 
 _ROUNDS = 2
 """Rounds that such searches make, which a search after them leaves out."""
@@ -43,6 +43,10 @@ _COUNTED = 120
 
 _DEPTHS = 0.015, 0.005, 0.0
 """Thickness, m, removed from all sides of obstacles; a failed attempt moves on to the next value."""
+
+_AT_ONCE = (0.0, 0.003), (_DEPTHS[0], 0.1), (0.0, _QUICK), (_DEPTHS[0], 0.1), (_DEPTHS[0], 0.13)
+"""Thickness, m, removed from obstacles, and work, s, of the searches for a first motion before a straight line is
+optimised."""
 
 _HARD = 2
 """Attempts between thinner obstacles before a first motion is searched between the real ones."""
@@ -120,7 +124,7 @@ class PathSearch:
         """
         if self.incumbent.candidates or self.searches or self._on_constraints.apply:
             return
-        for depth, work in ((0.0, _GLANCE), (_DEPTHS[0], _QUICK), (0.0, _QUICK), (_DEPTHS[0], _QUICK)):
+        for depth, work in _AT_ONCE:
             path = self._between_thinner(sampler, depth, work) if depth else self._between_real(sampler, work)
             if isinstance(path, SampledPath):
                 self.found = path

@@ -16,6 +16,7 @@ from optiplan.planners.trajopt import planner
 from optiplan.planners.trajopt.coarse_descents import CoarseCurve, CoarseDescents, GuessPath
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.path_search import PathSearch
+from optiplan.planners.trajopt.program.sqp import STUCK, DescentOptions
 from optiplan.planners.trajopt.stopping_rule import STEP
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.problem import Problem, derived
@@ -67,6 +68,21 @@ def test_the_work_of_coarse_descents_is_counted() -> None:
     before = run.patience.seconds
     run.paths.coarse.descend(run.model, _path(run), np.inf)
     assert STEP < run.patience.seconds - before < 50 * STEP
+
+
+def test_a_curve_that_is_good_enough_takes_fewer_steps_and_does_not_stay_in_an_obstacle() -> None:
+    run = _run(cases.wall())
+    coarse = run.optimiser
+    control = coarse.within_limits(coarse.along(_path(run).waypoints))
+    descender = coarse.descender(control)
+    descender.set_samples(coarse.instants(control, 0.05))
+    to_the_end, soon, at_once = (
+        descender.optimise(control, DescentOptions(40, lambda: False, enough=share)) for share in (0.0, 0.02, 10.0)
+    )
+    assert at_once.steps < soon.steps < to_the_end.steps
+    assert max(at_once.missing, soon.missing) <= STUCK
+    assert to_the_end.duration < soon.duration < 1.05 * to_the_end.duration
+    assert soon.duration < at_once.duration
 
 
 def test_the_most_promising_way_comes_first_and_the_others_wait(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -48,7 +48,8 @@ def test_without_a_free_curve_a_proved_path_is_the_motion(is_free: bool, monkeyp
         monkeypatch.setattr(run.paths, "_stopping", lambda waypoints: None)
     run.paths.at_once(_sampler(run))
     proved = run.paths._check().here_and_there() is run.paths._check()
-    assert searched == ([proved] if is_free else [proved, True, False] * 2)  # then between thinner obstacles
+    by_turns = [proved, True, False] * 2 + [False]  # False: between thinner obstacles
+    assert searched == ([proved] if is_free else by_turns)
     assert run.paths.found is not None
     assert len(run.incumbent.candidates) == is_free
     for found in run.incumbent.candidates:

@@ -57,6 +57,8 @@ class DescentOptions(NamedTuple):
         go_on: may end it at the first curve on which all rows hold.
         slow: steps after which a curve has to be good.
         radius: of the first trust region, see `FIRST_RADIUS`.
+        enough: a step that promises or gains less than this share of the duration ends the descent where the clearance
+            violation is at most `STUCK`; 0: only where it converges.
     """
 
     iterations: int
@@ -66,6 +68,7 @@ class DescentOptions(NamedTuple):
     go_on: GoOn | None = None
     slow: int = SLOW
     radius: float = FIRST_RADIUS
+    enough: float = 0.0
 
 
 class Discretised(Protocol):
@@ -370,7 +373,7 @@ class _Descent(Generic[PointT, StepT]):
             self.log.append((*before, REFUSED))
             self.radius *= SHRINK
             return None
-        if step.promise < 2e-4 * point.duration:
+        if step.promise < 2e-4 * point.duration or self._enough(point, step.promise):
             return "converged"
         trial, accepted = self.program.follow(point, step), ACCEPTED
         if point.merit - trial.merit <= 0.1 * step.promise and not self.options.stop():
@@ -392,13 +395,17 @@ class _Descent(Generic[PointT, StepT]):
         self.point = trial
         if good:
             self.radius *= 2.0
-        if self.settled == SETTLED:
+        if self.settled == SETTLED or self._enough(trial, gain):
             return "converged"
         if self.go_on is not None and trial.feasible:
             if not self.go_on(trial.control, trial.duration):
                 return "contact between samples"
             self.go_on = None
         return None
+
+    def _enough(self, point: PointT, gain: float) -> bool:
+        """Return whether a curve near the end of a step with this gain, s, is as good as was asked for."""
+        return gain < self.options.enough * point.duration and point.missing <= STUCK
 
 
 def _stalled(missing: list[float]) -> bool:
