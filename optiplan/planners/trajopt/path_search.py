@@ -115,21 +115,24 @@ class PathSearch:
         costs = [incumbent.cost_bound(float(bound)) for bound in bounds]
         return [q for q, cost in zip(goals, costs, strict=True) if cost < incumbent.cost]
 
-    def at_once(self, sampler: GoalSampler) -> None:
+    def at_once(self, sampler: GoalSampler) -> Failure | None:
         """Search briefly for a path if there is no motion, and offer a curve from it or it with its stops.
 
         A path that is checked here and there is found soonest, and mostly does: it is the curve that has to be free.
         Where none is found at a glance, one between thinner obstacles is, and the curve from it mostly leaves them; it
-        is often the shorter one.
+        is often the shorter one. Return why the last search found no path, if so.
         """
+        failure: Failure | None = None
         if self.incumbent.candidates or self.searches or self._on_constraints.apply:
-            return
+            return failure
         for depth, work in _AT_ONCE:
             path = self._between_thinner(sampler, depth, work) if depth else self._between_real(sampler, work)
+            failure = path if isinstance(path, Failure) else None
             if isinstance(path, SampledPath):
                 self.found = path
             if self.incumbent.candidates:
-                return
+                break
+        return failure
 
     def _between_thinner(self, sampler: GoalSampler, depth: float, work: float) -> SampledPath | Failure:
         path = self._briefly(sampler, self._check(depth), work)

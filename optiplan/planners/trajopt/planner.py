@@ -155,16 +155,17 @@ class _Run:
         first = goals[0]
         if self._stands_in(goals):
             return None
+        failure: Failure | None = None
         if self.options.straight_goals:
             self._straight(first)
-            self.paths.at_once(sampler)
+            failure = self.paths.at_once(sampler)
         with self.watch.stage("goals"):
             sampler.move(lambda: self.budget.over)
         goals = [q for q in sampler.configurations if self.optimiser.constraints.end_holds(q)]
         if self._stands_in(goals):
             return None
         self._along_lines(goals, first)
-        return self._further(sampler)
+        return self._further(sampler, failure)
 
     def _stands_in(self, goals: list[Array]) -> bool:
         """Take the bound of ends (n,), the soonest first; offer rest, and return True, where that is the start."""
@@ -201,13 +202,13 @@ class _Run:
                     self.paths.found = None
         self.info["cut_short"] = early.over and not self.incumbent.candidates
 
-    def _further(self, sampler: GoalSampler) -> Failure | None:
+    def _further(self, sampler: GoalSampler, failure: Failure | None) -> Failure | None:
         """Try sampled paths, lines with a bump and the best curve with a bump in turn, while `Patience` allows.
 
         A failed line skips further lines until a path search fails too. After every round, and in the end, further
-        ends of the goal are tried where their bounds make it worthwhile.
+        ends of the goal are tried where their bounds make it worthwhile. Where nothing is found, the last failure is
+        returned; until then that is the one given.
         """
-        failure: Failure | None = None
         rng = np.random.default_rng(self.problem.seed)
         ends = EndSearch(sampler, self.attempts, self.paths)
         seedless = SeedlessSearch(self.attempts, self.paths)
