@@ -23,7 +23,7 @@ PAGES: Mapping[str, tuple[str, ...]] = {
     "comparison": ("trajopt", "rrtconnect", "kpiece", "prm", "quintic", "circle"),
 }
 """Planners of each page."""
-BUDGET = 5.0  # s for each planner
+BUDGET = 1.0  # s for each planner, most of which improve their answer as long as it lasts
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

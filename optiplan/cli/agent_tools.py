@@ -1,7 +1,6 @@
 """The planner as tools for agents, by the Model Context Protocol: what can be asked, and answers as plain data."""
 
 import json
-import shutil
 import tempfile
 from pathlib import Path
 from typing import Annotated, Any
@@ -121,12 +120,13 @@ WITNESS = ("pair", "distance", "q", "t", "joint", "value", "limit", "position_er
 
 def render_picture(problem: Text, budget: Budget = 10.0) -> Any:
     """Draw the scene of a problem with the path of its tool: a PNG where chromium is installed, else an SVG as text."""
+    from optiplan.viewer.pictures import browser_program
     from optiplan.viewer.thumbnail import scene_picture
 
     run = _planned(problem, budget, None)
     if isinstance(run, str):
         return run
-    if shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome"):
+    if browser_program():
         from mcp.server.mcpserver import Image
 
         with tempfile.TemporaryDirectory() as folder:

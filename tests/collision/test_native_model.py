@@ -96,9 +96,9 @@ def test_gradients_equal_differences(models) -> None:
     contacts = native.near(Q, CUTOFF)
     slopes, step = native.gradients(Q, contacts), 1e-6
     errors = []
-    for k, (row, pair) in enumerate(zip(contacts.rows.tolist(), contacts.pairs.tolist(), strict=True)):
-        if contacts.distance[k] < 1e-3:
-            continue
+    apart = np.flatnonzero(contacts.distance >= 1e-3)
+    for k in apart[:: 1 + len(apart) // 60]:
+        row, pair = int(contacts.rows[k]), int(contacts.pairs[k])
         moved = np.repeat(Q[row][None], 2 * native.robot.n, axis=0) + step * np.vstack(
             [np.eye(native.robot.n), -np.eye(native.robot.n)]
         )

@@ -35,12 +35,12 @@ def test_a_long_program_takes_as_long_as_the_motion(tmp_path):
 def test_a_cycle_is_kept(tmp_path, rate, seconds):
     export_trajectory(turning(seconds), tmp_path / "x.npz", rate=rate, cyclic=True)
     t = np.load(tmp_path / "x.npz")["t"]
-    assert np.diff(t) == pytest.approx(1.0 / rate, rel=1e-9)
+    np.testing.assert_allclose(np.diff(t), 1.0 / rate, rtol=1e-9)
     assert seconds * (1.0 - 1e-9) <= t[-1] < seconds + 1.0 / rate
 
 
 def test_a_rate_is_kept_or_refused(tmp_path):
-    assert export_trajectory(turning(100.0), tmp_path / "x.npz", rate=1000.0).samples == 100_001
+    assert export_trajectory(turning(20.0), tmp_path / "x.npz", rate=1000.0).samples == 20_001
     with pytest.raises(op.InputError, match=f"at most {MOST_SAMPLES}"):
         export_trajectory(turning(100.0), tmp_path / "y.npz", rate=1e4)
     assert not (tmp_path / "y.npz").exists()

@@ -14,7 +14,7 @@ from optiplan.service.planner_service import PlannerService
 from optiplan.service.server import serving
 from optiplan.service.settings import DriverSetup, ServiceSettings
 from tests.service import browsing
-from tests.viewer.browsing import SELDOM
+from tests.viewer.browsing import SELDOM, UNDRAWN
 from tests.waiting import PATIENCE
 
 QUICK = """\
@@ -125,7 +125,7 @@ def page(browser, request, server):
     complaints = []
     size = dict(zip(("width", "height"), request.param, strict=True))
     page = browser.new_page(viewport=size, device_scale_factor=0.25)  # a sixteenth of the pixels
-    page.add_init_script(SELDOM)
+    page.add_init_script(SELDOM + UNDRAWN)
     page.set_default_timeout(browsing.PATIENCE)
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on(
@@ -147,3 +147,15 @@ def page(browser, request, server):
     yield page
     page.close()
     assert not complaints
+
+
+@pytest.fixture
+def tab(browser):
+    """A page that may complain to its console, but throws nothing."""
+    page, thrown = browser.new_page(viewport={"width": 1280, "height": 800}, device_scale_factor=0.25), []
+    page.set_default_timeout(browsing.PATIENCE)
+    page.add_init_script(SELDOM + UNDRAWN)
+    page.on("pageerror", lambda error: thrown.append(str(error)))
+    yield page
+    page.close()
+    assert thrown == []

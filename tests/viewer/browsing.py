@@ -2,14 +2,15 @@
 
 import io
 import os
-import shutil
 import time
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+from optiplan.viewer.pictures import browser_program
+
+CHROMIUM = browser_program()
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 ROUGH = ["--webgl-antialiasing-mode=none", "--webgl-msaa-sample-count=0"]  # smooth edges are half of software's work
 QUIET = [
@@ -39,6 +40,16 @@ SELDOM = """{
 }"""
 """Makes a page draw some seven times a second: in software, sixty times would take all that the processor has."""
 
+UNDRAWN = """{
+  window.undrawn = true;
+  for (const { prototype } of [WebGLRenderingContext, WebGL2RenderingContext])
+    for (const name of Object.getOwnPropertyNames(prototype).filter((one) => /^draw(Arrays|Elements)/.test(one))) {
+      const draw = prototype[name];
+      prototype[name] = function (...given) { if (!window.undrawn) draw.apply(this, given); };
+    }
+}"""
+"""Leaves out what software would need most of the time for, triangles, until `undrawn` is false: where pixels count."""
+
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator:
@@ -60,7 +71,7 @@ def visit(browser):
     complaints: list[str] = []
     size = {"width": 640, "height": 480}
     context = browser.new_context(viewport=size, device_scale_factor=0.5)  # a quarter of the pixels
-    context.add_init_script(SELDOM)
+    context.add_init_script(SELDOM + UNDRAWN)
     context.set_default_timeout(100_000)  # software rendering beside other work
 
     def heard(message) -> None:
@@ -89,13 +100,14 @@ def visit(browser):
 def pixels(page) -> np.ndarray:
     from PIL import Image
 
-    page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
-    return np.asarray(
-        Image.open(
-            io.BytesIO(page.locator("#pane canvas").screenshot(style="#labels, #legend { visibility: hidden; }"))
-        ).convert("RGB"),
-        dtype=float,
-    )
+    page.evaluate("""() => new Promise((done) => {
+      undrawn = false;
+      optiplan.scene.dirty();
+      requestAnimationFrame(() => requestAnimationFrame(done));
+    })""")
+    picture = page.locator("#pane canvas").screenshot(style="#labels, #legend { visibility: hidden; }")
+    page.evaluate("undrawn = true")
+    return np.asarray(Image.open(io.BytesIO(picture)).convert("RGB"), dtype=float)
 
 
 def until(page, condition: str) -> None:

@@ -2,12 +2,13 @@
 
 import importlib.util
 import os
-import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from optiplan.viewer.pictures import browser_program
 
 ROOT = Path(__file__).parent.parent.parent
 PICTURES = ROOT / "docs" / "pictures"
@@ -16,7 +17,7 @@ PICTURES = ROOT / "docs" / "pictures"
 @pytest.fixture
 def make(tmp_path, monkeypatch):
     pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if not (shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")):
+    if browser_program() is None:
         if os.environ.get("CI"):
             pytest.fail("no chromium on this machine; CI must install it")
         pytest.skip("no chromium on this machine")

@@ -129,9 +129,8 @@ def test_the_wheel_works_from_an_empty_folder(tmp_path):
     venv.create(home, with_pip=False)
     python = home / "bin" / "python"
     packages = next((home / "lib").glob("python*")) / "site-packages"
-    subprocess.run(
-        [*pip, "install", "--no-deps", "--no-index", "--target", str(packages), str(wheel)], check=True, env=clean
-    )
+    install = ["install", "--no-compile", "--no-deps", "--no-index", "--target", str(packages), str(wheel)]
+    subprocess.run([*pip, *install], check=True, env=clean)
     beside = [path for path in sys.path if path.endswith("site-packages")]
     # What stands beside, but not the checkout, which an editable install finds by a finder of its own.
     lines = [f"import site; site.addsitedir({path!r})\n" for path in beside]

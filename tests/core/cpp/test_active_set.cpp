@@ -2,7 +2,7 @@
 
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_active_set {
 
 static const ActiveSetRules RULES{8, 1e-9, 1e-9, 1e-9};
 
@@ -50,3 +50,5 @@ TEST(the_solution_is_feasible_and_no_feasible_point_is_better) {
         }
     }
 }
+
+}  // namespace optiplan::test_active_set

@@ -2,7 +2,7 @@
 
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_arrow_qp {
 
 static ArrowProgram program() {
     ArrowProgram p;
@@ -78,3 +78,5 @@ TEST(with_rows_it_keeps_them_and_no_feasible_point_is_better) {
     }
     CHECK(feasible > 20);
 }
+
+}  // namespace optiplan::test_arrow_qp

@@ -3,7 +3,7 @@
 #include "arm.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_box_closing {
 
 // Anywhere within half a turn in both of two steps.
 static const double LOW[4] = {-3.2, -3.2, -3.2, -3.2}, HIGH[4] = {3.2, 3.2, 3.2, 3.2};
@@ -53,3 +53,5 @@ TEST(a_box_that_no_step_of_the_corridor_meets_in_both_joints_is_closed) {
     CHECK(boxes.close(early, early_end, 1000) == Box::closed);
     CHECK(boxes.close(late, late_end, 1000) == Box::passable);
 }
+
+}  // namespace optiplan::test_box_closing

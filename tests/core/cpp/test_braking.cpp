@@ -2,7 +2,7 @@
 
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_braking {
 
 TEST(a_stop_ends_at_rest_within_the_limits) {
     for (int k = 0; k < 200; ++k) {
@@ -38,3 +38,5 @@ TEST(more_room_allows_no_less_velocity) {
     CHECK(before == 0.8);
     CHECK(fastest(brakes, step, 0.0, 0.5, 0.2, 0.8) == 0.2);
 }
+
+}  // namespace optiplan::test_braking

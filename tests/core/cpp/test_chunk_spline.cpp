@@ -2,7 +2,7 @@
 
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_chunk_spline {
 
 namespace {
 
@@ -96,3 +96,5 @@ TEST(the_stop_ends_at_rest_within_its_limits) {
     }
     CHECK(stop_from({{0.0}, {0.0}, {0.0}}, {{-1.0}, {1.0}, {{1.0}, {1.0}, {1.0}}}).breakpoints.size() == 1);
 }
+
+}  // namespace optiplan::test_chunk_spline

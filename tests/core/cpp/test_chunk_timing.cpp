@@ -3,7 +3,7 @@
 #include "check.hpp"
 #include "verify/rate_proof.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_chunk_timing {
 
 namespace {
 
@@ -57,3 +57,5 @@ TEST(numbers_gone_wrong_have_no_times) {
     const Vec Q{std::nan(""), 0.0};
     CHECK(chunk_times({{0.0, 0.0}, {0.0, 0.0}, {0.0, 0.0}}, Q.data(), 1, limits()).empty());
 }
+
+}  // namespace optiplan::test_chunk_timing

@@ -3,7 +3,7 @@
 #include "arm.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_clearance_watch {
 
 static ClearanceWatch watch(const World &world) {
     return {world, arms(), {1.05, 0.2, 1.05, 0.2}, {{1.0, 1.0}, {0.0, 0.0}}, {{0.5, 0.5}, 1.2}};
@@ -53,3 +53,5 @@ TEST(a_stop_into_the_box_is_not_clear) {
     CHECK(!watched.stop_is_clear(nowhere, unknown, open));
     CHECK(watched.look(q, &unknown).near == watched.look(q, nullptr).near);
 }
+
+}  // namespace optiplan::test_clearance_watch

@@ -2,7 +2,7 @@
 
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_convex {
 
 static Pose at(double x, double y, double z) { return {{}, {x, y, z}}; }
 
@@ -33,3 +33,5 @@ TEST(points_and_normal_agree_and_order_does_not_matter) {
         CHECK(!overlap_within(a, {}, b, X, found.distance - 1e-6));
     }
 }
+
+}  // namespace optiplan::test_convex

@@ -3,7 +3,7 @@
 #include "arm.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_edges {
 
 static const EdgeRules RULES{0.1, 0.0, 1e-4, 100000, 0.1};
 
@@ -71,3 +71,5 @@ TEST(a_look_sees_what_is_too_heavy) {
     CHECK(!weak.free(hanging, up) && weak.free(hanging, near));
     CHECK(strong.free(hanging, near));
 }
+
+}  // namespace optiplan::test_edges

@@ -4,7 +4,7 @@
 
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_hull {
 
 TEST(supports_are_the_farthest_of_all_points_which_lie_within) {
     std::vector<Vec3> points;
@@ -43,3 +43,5 @@ TEST(threads_that_ask_at_once_get_the_same_answers) {
     for (std::size_t k = 0; k < directions.size(); ++k)
         for (const std::vector<double> &of : found) CHECK(of[k] == dot(own.support(directions[k]), directions[k]));
 }
+
+}  // namespace optiplan::test_hull

@@ -3,7 +3,7 @@
 #include "arm.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_interval_proof {
 
 namespace {
 
@@ -110,3 +110,5 @@ TEST(kept_boxes_answer_within_their_range_alone) {
     const double low = 9.0, high = 9.5;
     NEAR(endless.least(&low, &high), 0.03, 0.0);
 }
+
+}  // namespace optiplan::test_interval_proof

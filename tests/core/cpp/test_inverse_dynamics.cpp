@@ -3,7 +3,7 @@
 #include "arm.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_inverse_dynamics {
 
 TEST(torques_at_rest_are_those_of_gravity) {
     const Tree tree = arm();
@@ -49,3 +49,5 @@ TEST(derivatives_equal_differences) {
         CHECK(slope[2][0] > 0.0 && slope[2][0] * slope[2][3] > slope[2][1] * slope[2][2]);
     }
 }
+
+}  // namespace optiplan::test_inverse_dynamics

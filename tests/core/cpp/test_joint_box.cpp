@@ -2,7 +2,7 @@
 
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_joint_box {
 
 TEST(velocities_within_the_box_keep_every_limit) {
     const double velocity[1] = {1.0}, acceleration[1] = {3.0}, jerk[1] = {60.0}, lower[1] = {-1.0}, upper[1] = {1.0};
@@ -24,3 +24,5 @@ TEST(velocities_within_the_box_keep_every_limit) {
         CHECK(q[0] > 0.9);
     }
 }
+
+}  // namespace optiplan::test_joint_box

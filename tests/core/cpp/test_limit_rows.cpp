@@ -2,7 +2,7 @@
 
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_limit_rows {
 
 TEST(rows_of_torques) {
     const double M[4] = {2.0, 0.5, 0.5, 1.0}, h[2] = {3.0, -1.0}, v[2] = {0.2, -0.1}, torque[2] = {10.0, 5.0},
@@ -60,3 +60,5 @@ TEST(whether_rows_hold) {
     CHECK(!rows_hold(C, low, high, outside, 2, 2, 1e-9));
     CHECK(!rows_hold(C, low, high, unknown, 2, 2, 1e-9));
 }
+
+}  // namespace optiplan::test_limit_rows

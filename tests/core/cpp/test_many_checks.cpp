@@ -2,7 +2,7 @@
 #include "check.hpp"
 #include "world/many_checks.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_many_checks {
 
 TEST(many_configurations_touch_where_each_does) {
     const World world = arm_and_box();
@@ -61,3 +61,5 @@ TEST(poses_in_lanes_are_those_of_one) {
         }
     }
 }
+
+}  // namespace optiplan::test_many_checks

@@ -3,7 +3,7 @@
 #include "arm.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_nearest_chunk {
 
 namespace {
 
@@ -84,3 +84,5 @@ TEST(what_no_motion_can_do_has_no_solution) {
                        0.6);
     CHECK(!chunk.step({}, 0.0));
 }
+
+}  // namespace optiplan::test_nearest_chunk

@@ -2,7 +2,7 @@
 
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_parts {
 
 // A beam of half edges `half` about `centre`, as the hull of its corners.
 static ConvexPart beam(const Vec3 &centre, const Vec3 &half) {
@@ -44,3 +44,5 @@ TEST(bodies_without_parts_are_told_by_none) {
     CHECK(parts_within({}, {}, angle(), {{}, {9, 9, 9}}, 0.0));
     CHECK(!parts_within(angle(), {}, angle(), {{}, {9, 9, 9}}, 0.0));
 }
+
+}  // namespace optiplan::test_parts

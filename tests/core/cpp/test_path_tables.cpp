@@ -3,7 +3,7 @@
 #include "arm.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_path_tables {
 
 namespace {
 
@@ -130,3 +130,5 @@ TEST(curvature_adds_up_from_its_factors) {
     CHECK(made.curvature(3, 0, {0.5, 2.0, 3.0}) == 0.0 && made.curvature(4, 1, {0.5, 2.0, 3.0}) == 0.0);
     CHECK(made.mirrored().curvature(16, 1, {0.5, 2.0, 3.0}) == made.curvature(3, 1, {0.5, 2.0, 3.0}));
 }
+
+}  // namespace optiplan::test_path_tables

@@ -3,7 +3,7 @@
 #include "arm.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_path_watch {
 
 namespace {
 
@@ -139,3 +139,5 @@ TEST(a_robot_at_rest_is_struck_by_what_goes_on) {
     CHECK(watch.blocked(whole, 0.0, {at_end}, 0.0).pair == -1);
     CHECK(watch.blocked(whole, 0.0, {at_end}, 0.0, 5.0).s == 1.5);
 }
+
+}  // namespace optiplan::test_path_watch

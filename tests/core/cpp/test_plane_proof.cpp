@@ -2,7 +2,7 @@
 
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_plane_proof {
 
 // A ball of 0.1 m that slides along x, and one of 0.1 m that stands at (1, 0, 0).
 static PlaneProof balls(std::vector<ProvedPair> pairs = {{0, 1, 0, true, {}}}) {
@@ -61,3 +61,5 @@ TEST(intervals_and_normals_are_counted_apart) {
     few = RULES, few.most_queries = 0;
     CHECK(balls().prove(slide(0.7), WHOLE, few, FAR).given_up);
 }
+
+}  // namespace optiplan::test_plane_proof

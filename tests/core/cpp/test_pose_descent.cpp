@@ -3,7 +3,7 @@
 #include "arm.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_pose_descent {
 
 static const DescentRules RULES{1e-9, 0.05, 1e-12, 0.8, 5};
 
@@ -53,3 +53,5 @@ TEST(out_of_reach_it_stretches_towards_the_target_within_the_bounds) {
     NEAR(q[0], 0.5, 1e-12);
     CHECK(q[1] > 0.5 && q[1] <= 2.0);
 }
+
+}  // namespace optiplan::test_pose_descent

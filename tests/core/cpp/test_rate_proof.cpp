@@ -2,7 +2,7 @@
 
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_rate_proof {
 
 namespace {
 
@@ -48,3 +48,5 @@ TEST(it_begins_in_the_state_and_ends_at_rest) {
     CHECK(beyond_ends(cubic(0.2, 0.0, 0.0, 0.0), limits(), standing).order == -1);
     CHECK(beyond_ends(cubic(0.3, 0.0, 0.0, 0.0), limits(), standing).order == 7);
 }
+
+}  // namespace optiplan::test_rate_proof

@@ -4,7 +4,7 @@
 #include "bezier.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_rows {
 
 TEST(rows_of_clearance_are_distances_beyond_the_margin) {
     const World world = arm_and_box();
@@ -57,3 +57,5 @@ TEST(rows_of_torque_are_what_is_left_of_the_limit) {
     strong.of(spline, samples, C.data(), T, Mask(4), rows, exceeded);
     CHECK(rows.value.empty());
 }
+
+}  // namespace optiplan::test_rows

@@ -5,7 +5,7 @@
 #include "arm.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_rrt_connect {
 
 TEST(it_finds_a_way_around_the_box) {
     const World world = arm_and_box();
@@ -42,3 +42,5 @@ TEST(a_step_that_is_tiny_beside_the_way_ends_with_the_time) {
     RrtConnect slow(check, space, start, {0.5, 0.0}, 1e-6, 3);  // half a million steps from tree to tree
     CHECK(!slow.grow(20000, 0.01) && slow.size(0) + slow.size(1) < 100000);
 }
+
+}  // namespace optiplan::test_rrt_connect

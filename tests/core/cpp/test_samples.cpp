@@ -3,7 +3,7 @@
 #include "bezier.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_samples {
 
 TEST(derivatives_of_samples_equal_differences) {
     const Spline spline = bezier();
@@ -34,3 +34,5 @@ TEST(a_sample_of_too_many_control_points_is_refused) {
     } catch (const std::exception &) { refused = true; }
     CHECK(refused);
 }
+
+}  // namespace optiplan::test_samples

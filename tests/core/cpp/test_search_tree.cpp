@@ -2,7 +2,7 @@
 
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_search_tree {
 
 TEST(the_nearest_node_is_that_of_a_comparison_with_all) {
     SearchTree tree(3);
@@ -29,3 +29,5 @@ TEST(a_point_many_times_is_kept) {
     CHECK(tree.size() == 100);
     CHECK(tree.nearest(x) >= 0);
 }
+
+}  // namespace optiplan::test_search_tree

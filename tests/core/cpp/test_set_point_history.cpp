@@ -4,7 +4,7 @@
 
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_set_point_history {
 
 namespace {
 
@@ -75,3 +75,5 @@ TEST(of_equal_places_the_last_one_is_told) {
     const NearestPlace found = history.nearest(q, ALL, off);
     CHECK(off[0] == 0.0 && found.progress == 0.0);
 }
+
+}  // namespace optiplan::test_set_point_history

@@ -3,7 +3,7 @@
 #include "arm.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_shortcuts {
 
 static const EdgeRules RULES{0.1, 0.0, 1e-4, 100000, 0.1};
 static const Configuration VELOCITY{1.0, 2.0};
@@ -44,3 +44,5 @@ TEST(shortcuts_stay_free_and_never_take_longer) {
     CHECK(path.front() == Configuration({0.0, 0.0}) && path.back() == Configuration({1.57, 0.0}));
     for (std::size_t k = 0; k + 1 < path.size(); ++k) CHECK(check.free(path[k].data(), path[k + 1].data()));
 }
+
+}  // namespace optiplan::test_shortcuts

@@ -1,7 +1,7 @@
 #include "bezier.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_spline {
 
 TEST(derivative_control_points_are_differences) {
     const Spline spline = bezier();
@@ -54,3 +54,5 @@ TEST(stencils_leave_out_what_is_held) {
     } catch (const std::exception &) { refused = true; }
     CHECK(refused);
 }
+
+}  // namespace optiplan::test_spline

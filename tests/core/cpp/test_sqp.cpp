@@ -4,7 +4,7 @@
 #include "bezier.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_sqp {
 
 static Sqp descent(const NearBodies &near) {
     Sqp sqp(std::make_shared<Spline>(bezier()), near, TorqueRows(arm(), {HUGE_VAL, HUGE_VAL}), {1.0, 1.0, 0.01, 1e-4});
@@ -39,3 +39,5 @@ TEST(contacts_cost_and_make_it_infeasible) {
     NEAR(here.missing(), 0.03, 1e-15);
     NEAR(here.merit, here.duration + here.duration * 0.03 / 0.01, 1e-12);
 }
+
+}  // namespace optiplan::test_sqp

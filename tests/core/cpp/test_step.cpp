@@ -3,7 +3,7 @@
 #include "bezier.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_step {
 
 TEST(a_step_is_quicker_within_its_trust_region_and_leaves_the_ends) {
     const auto spline = std::make_shared<Spline>(bezier());
@@ -28,3 +28,5 @@ TEST(the_violation_is_the_worst_of_each_sample) {
     NEAR(rows.violation(), 0.5, 1e-15);
     NEAR(rows.cost(), 1.0, 1e-15);
 }
+
+}  // namespace optiplan::test_step

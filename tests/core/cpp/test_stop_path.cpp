@@ -2,7 +2,7 @@
 
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_stop_path {
 
 TEST(the_path_ends_at_rest_and_its_accelerations_are_bounded) {
     for (int k = 0; k < 50; ++k) {
@@ -39,3 +39,5 @@ TEST(joints_that_do_not_brake_are_carried_along) {
     NEAR(here[1], path.drifts[0].at(0.5), 1e-12);
     CHECK(path.way[1] >= std::fabs(path.drifts[0].at(0.5) - 1.0) - 1e-12);
 }
+
+}  // namespace optiplan::test_stop_path

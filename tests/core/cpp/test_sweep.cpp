@@ -3,7 +3,7 @@
 #include "arm.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_sweep {
 
 // The first joint at a constant rate for 1 s, the second still.
 static Curve turn(double from, double by) { return {{0.0, 1.0}, {from, 0.0, by, 0.0}, 1, 2}; }
@@ -42,3 +42,5 @@ TEST(the_reach_of_a_piece_bounds_where_it_goes) {
         }
     }
 }
+
+}  // namespace optiplan::test_sweep

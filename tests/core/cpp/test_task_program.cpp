@@ -2,7 +2,7 @@
 
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_task_program {
 
 TEST(singular_values_of_known_matrices) {
     const double diagonal[9] = {0, 3, 0, 1, 0, 0, 0, 0, -2}, row[3] = {3.0, 0.0, 4.0};
@@ -101,3 +101,5 @@ TEST(rates_slow_down_where_the_target_is_far) {
     NEAR(out[1], 0.5, 1e-15);
     NEAR(out[2], -std::sqrt(2.0 * (1.0 - 0.005)), 1e-12);
 }
+
+}  // namespace optiplan::test_task_program

@@ -5,7 +5,7 @@
 #include "arm.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_time_law {
 
 namespace {
 
@@ -246,3 +246,5 @@ TEST(a_motion_that_was_not_planned_is_checked_at_its_own_speed) {
     CHECK(LawSearch(made, RULES).holds(as_it_is, 0.0, false) && LawSearch(weak, RULES).holds(as_it_is, 0.0));
     CHECK(!LawSearch(weak, RULES).holds(as_it_is, 0.0, false));
 }
+
+}  // namespace optiplan::test_time_law

@@ -3,7 +3,7 @@
 #include "arm.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_torque_demand {
 
 TEST(the_demand_is_the_share_of_what_gravity_leaves) {
     InverseDynamics dynamics(arm());
@@ -34,3 +34,5 @@ TEST(rest_demands_nothing_and_gravity_beyond_the_limit_everything) {
     CHECK(torque_demand(dynamics, still, {80.0, 60.0}, times, 1)[0] == 0.0);
     CHECK(std::isinf(torque_demand(dynamics, still, {8.0, 6.0}, times, 1)[0]));
 }
+
+}  // namespace optiplan::test_torque_demand

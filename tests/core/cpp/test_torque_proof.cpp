@@ -3,7 +3,7 @@
 #include "arm.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_torque_proof {
 
 namespace {
 
@@ -98,3 +98,5 @@ TEST(the_bound_on_curvature_holds) {
         }
     }
 }
+
+}  // namespace optiplan::test_torque_proof

@@ -1,7 +1,7 @@
 #include "arm.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_tree {
 
 TEST(poses_are_those_of_the_planar_arm) {
     const Tree tree = arm();
@@ -38,3 +38,5 @@ TEST(gravity_torques_are_the_slope_of_the_potential) {
         NEAR(tau[1], (potential(tree, q[0], q[1] + h) - potential(tree, q[0], q[1] - h)) / (2 * h), 1e-7);
     }
 }
+
+}  // namespace optiplan::test_tree

@@ -4,7 +4,7 @@
 
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_triangle_mesh {
 
 // The surface of the box of half edges 0.1, 0.2, 0.3.
 static TriangleMesh surface() {
@@ -45,3 +45,5 @@ TEST(heights_above_planes_and_broken_meshes) {
     }
     CHECK(refused == 2);
 }
+
+}  // namespace optiplan::test_triangle_mesh

@@ -5,7 +5,7 @@
 
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_unit_extrema {
 
 namespace {
 
@@ -53,3 +53,5 @@ TEST(what_is_constant_or_zero_has_its_value) {
     CHECK(nothing.low == 0.0 && nothing.high == 0.0 && nothing.x_low == 0.0);
     CHECK(falling.low == 1.0 && falling.x_low == 1.0 && falling.high == 2.0 && falling.x_high == 0.0);
 }
+
+}  // namespace optiplan::test_unit_extrema

@@ -1,7 +1,7 @@
 #include "arm.hpp"
 #include "check.hpp"
 
-using namespace optiplan;
+namespace optiplan::test_world {
 
 TEST(the_nearest_pair_of_the_stretched_arm) {
     const World world = arm_and_box();
@@ -92,3 +92,5 @@ TEST(a_pair_whose_tube_takes_nothing_keeps_its_distance) {
     CHECK(wide.distance(at, 0, 1e3).distance == exact.distance(there, 0, 1e3).distance);
     CHECK(wide.distance(at, 1, 1e3).distance < exact.distance(there, 1, 1e3).distance - 0.01);
 }
+
+}  // namespace optiplan::test_world

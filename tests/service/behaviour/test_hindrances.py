@@ -5,9 +5,8 @@ import json
 import pytest
 
 from tests.service.behaviour.test_shell import listed
-from tests.service.browsing import PATIENCE, open_studio, text_of, write
+from tests.service.browsing import open_studio, text_of, write
 from tests.service.conftest import QUICK
-from tests.viewer.browsing import SELDOM
 
 pytestmark = pytest.mark.timeout(300)
 
@@ -23,18 +22,6 @@ window.fetch = async (path, ...more) => {
   const fail = () => Promise.reject(new TypeError("network error"));
   return new Proxy(answer, { get: (own, key) => (["text", "json"].includes(key) ? fail : Reflect.get(own, key, own)) });
 };"""
-
-
-@pytest.fixture
-def tab(browser):
-    """A page that may complain to its console, but throws nothing."""
-    page, thrown = browser.new_page(viewport={"width": 1280, "height": 800}, device_scale_factor=0.25), []
-    page.set_default_timeout(PATIENCE)
-    page.add_init_script(SELDOM)
-    page.on("pageerror", lambda error: thrown.append(str(error)))
-    yield page
-    page.close()
-    assert thrown == []
 
 
 def paused(route):

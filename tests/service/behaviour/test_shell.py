@@ -14,24 +14,21 @@ pytestmark = pytest.mark.timeout(300)
 wide = pytest.mark.parametrize("page", [(1280, 800)], indirect=True, ids=["wide"])
 
 
-def test_a_server_that_goes_and_comes_back(browser, server):
-    page = browser.new_page(viewport={"width": 1280, "height": 800})
-    page.set_default_timeout(90_000)
-    open_studio(page, server)
+def test_a_server_that_goes_and_comes_back(tab, server):
+    open_studio(tab, server)
     for pattern in ("**/api/**", "**/healthz"):
-        page.route(pattern, lambda route: route.abort("connectionrefused"))
-    page.evaluate(
+        tab.route(pattern, lambda route: route.abort("connectionrefused"))
+    tab.evaluate(
         "optiplanStudio.editor.view.dispatch({ changes: { from: 0, insert: '# x' }, userEvent: 'input.type' })"
     )
-    page.wait_for_selector("#banner:not([hidden])")
-    page.wait_for_function("!document.querySelector('#issues .fine')")
-    assert page.is_disabled("#plan")
-    assert "not checked" in page.inner_text("#issues")
-    page.unroute_all()
-    page.wait_for_selector("#banner", state="hidden")
-    page.wait_for_selector("#issues .fine")
-    assert page.is_enabled("#plan")
-    page.close()
+    tab.wait_for_selector("#banner:not([hidden])")
+    tab.wait_for_function("!document.querySelector('#issues .fine')")
+    assert tab.is_disabled("#plan")
+    assert "not checked" in tab.inner_text("#issues")
+    tab.unroute_all()
+    tab.wait_for_selector("#banner", state="hidden")
+    tab.wait_for_selector("#issues .fine")
+    assert tab.is_enabled("#plan")
 
 
 @pytest.mark.parametrize(
@@ -44,31 +41,26 @@ def test_a_server_that_goes_and_comes_back(browser, server):
         ("studio", "examples", 401, "The server says: not now", "#issues .fine"),
     ],
 )
-def test_a_page_says_what_hinders_it_and_goes_on(browser, server, path, api, status, words, then):
-    page = browser.new_page(viewport={"width": 1280, "height": 800})
-    page.set_default_timeout(90_000)
+def test_a_page_says_what_hinders_it_and_goes_on(tab, server, path, api, status, words, then):
     body = "<html>" if status == 502 else json.dumps({"error": "not now"})
     kind = "text/html" if status == 502 else "application/json"
-    page.route(f"**/api/{api}", lambda route: route.fulfill(status=status, body=body, content_type=kind))
-    page.goto(f"{server.url}/{path}")
-    page.wait_for_selector("#banner:not([hidden])")
-    assert words in page.inner_text("#banner")
-    assert page.locator(then).count() == 0
-    page.unroute_all()
-    page.wait_for_selector("#banner", state="hidden")
-    page.wait_for_selector(then, state="attached")
-    page.close()
+    tab.route(f"**/api/{api}", lambda route: route.fulfill(status=status, body=body, content_type=kind))
+    tab.goto(f"{server.url}/{path}")
+    tab.wait_for_selector("#banner:not([hidden])")
+    assert words in tab.inner_text("#banner")
+    assert tab.locator(then).count() == 0
+    tab.unroute_all()
+    tab.wait_for_selector("#banner", state="hidden")
+    tab.wait_for_selector(then, state="attached")
 
 
-def test_benches_are_new_when_the_server_is_back(browser, server):
-    page = browser.new_page()
-    page.goto(f"{server.url}/benches")
-    page.wait_for_selector("#planners option")
-    page.wait_for_selector("#benches .bench, #benches p:text('No benches yet')")
-    page.evaluate("document.getElementById('benches').replaceChildren('of before')")
-    page.evaluate("dispatchEvent(new Event('optiplan:back'))")
-    page.wait_for_function("document.getElementById('benches').textContent !== 'of before'")
-    page.close()
+def test_benches_are_new_when_the_server_is_back(tab, server):
+    tab.goto(f"{server.url}/benches")
+    tab.wait_for_selector("#planners option")
+    tab.wait_for_selector("#benches .bench, #benches p:text('No benches yet')")
+    tab.evaluate("document.getElementById('benches').replaceChildren('of before')")
+    tab.evaluate("dispatchEvent(new Event('optiplan:back'))")
+    tab.wait_for_function("document.getElementById('benches').textContent !== 'of before'")
 
 
 def listed(gone):
@@ -90,29 +82,28 @@ def listed(gone):
     return answer
 
 
-def test_older_runs_change_and_go_like_others(browser, server):
-    page, gone = browser.new_page(), []
+def test_older_runs_change_and_go_like_others(tab, server):
+    gone = []
 
     def delete(route):
         if route.request.method == "DELETE":
             gone.append(int(route.request.url.rsplit("/", 1)[1], 16))
         route.fulfill(status=204)
 
-    page.route("**/api/runs/*", delete)
-    page.route("**/api/runs?*", listed(gone))
-    page.on("dialog", lambda dialog: dialog.accept())
-    page.goto(server.url)
-    page.click("#more")
-    page.wait_for_selector(".run:has-text('run0 ·')")
+    tab.route("**/api/runs/*", delete)
+    tab.route("**/api/runs?*", listed(gone))
+    tab.on("dialog", lambda dialog: dialog.accept())
+    tab.goto(server.url)
+    tab.click("#more")
+    tab.wait_for_selector(".run:has-text('run0 ·')")
     for k in (3, 78):
-        page.locator(f".run:has-text('run{k} ·') input").check()
-    assert page.is_enabled("#compare")
-    page.locator(".run:has-text('run3 ·') button:text('Delete')").click()
-    page.wait_for_selector(".run:has-text('run3 ·')", state="detached")
-    page.wait_for_selector(".run:has-text('run5 ·') .badge.verified")
-    assert page.is_disabled("#compare")
-    assert page.locator("#runs .run").count() == 79
-    page.close()
+        tab.locator(f".run:has-text('run{k} ·') input").check()
+    assert tab.is_enabled("#compare")
+    tab.locator(".run:has-text('run3 ·') button:text('Delete')").click()
+    tab.wait_for_selector(".run:has-text('run3 ·')", state="detached")
+    tab.wait_for_selector(".run:has-text('run5 ·') .badge.verified")
+    assert tab.is_disabled("#compare")
+    assert tab.locator("#runs .run").count() == 79
 
 
 @wide
@@ -182,11 +173,15 @@ def test_a_comparison_lasts_as_long_as_what_it_shows(page, server):
 
 
 @wide
-def test_axe_finds_nothing_serious_on_any_page_light_or_dark(page, server):
+def test_any_page_is_drawn_leads_to_the_others_and_axe_finds_nothing_serious_light_or_dark(page, server):
     server.ended(server.submit(seed=10)["id"])
-    for path in ("", "studio", "live", "execution", "benches"):
+    page.add_init_script("undrawn = false")  # once on each page: a complaint of WebGL's is one of the page's
+    pages = {"", "studio", "live", "execution", "benches"}
+    for path in sorted(pages):
         page.goto(f"{server.url}/{path}")
         page.wait_for_selector("header nav a")
+        found = page.eval_on_selector_all("header nav a", "links => links.map((link) => new URL(link.href).pathname)")
+        assert {f"/{other}" for other in pages - {path}} <= set(found)
         if path == "studio":
             page.wait_for_selector("#issues .fine")
         page.wait_for_timeout(300)

@@ -33,6 +33,7 @@ def test_from_the_shelf_to_a_film_by_mouse_alone(page, server):
     compared(page, server, runs)
     page.goto(f"{server.url}/runs/{runs[0]}")
     page.wait_for_selector("html[data-ready='1']")
+    page.evaluate("undrawn = false")
     with page.expect_download(timeout=120_000) as film:
         page.click("#film")
     assert film.value.suggested_filename.endswith(".webm")

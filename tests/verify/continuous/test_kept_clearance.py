@@ -51,7 +51,7 @@ def box(size: tuple[float, float, float], at: tuple[float, float, float]) -> tri
 
 
 def disc(z: float) -> trimesh.Trimesh:
-    made = trimesh.creation.cylinder(0.05, 0.02, sections=64)
+    made = trimesh.creation.cylinder(0.05, 0.02, sections=16)
     return made.apply_translation((0.0, 0.0, z))
 
 

@@ -42,13 +42,13 @@ def without_planes(*arguments, **named):
 def test_verdicts_are_those_of_the_proof_in_python(name):
     problem = among_bodies(name, 10, 3)
     model, verdicts = CollisionModel(problem.robot, problem.scene), []
-    for motion in motions(problem, 18):
+    for motion in motions(problem, 12):
         ours, theirs = (prove(model, motion, VerifyPolicy()) for prove in (certify, without_planes))
         assert ours.proved == theirs.proved
         assert ours.contact == theirs.contact
         verdicts.append(ours.proved)
         if ours.proved:
-            Q = motion(np.linspace(0.0, motion.duration, 300))
+            Q = motion(np.linspace(0.0, motion.duration, 100))
             assert ours.clearance <= min(model.clearance(q).distance for q in Q) + 1e-6
             for kind in (SELF, SCENE):
                 met = theirs.measured(np.inf)[kind]
@@ -61,23 +61,33 @@ def test_verdicts_are_those_of_the_proof_in_python(name):
     assert 3 <= sum(verdicts) < len(verdicts)
 
 
-@pytest.mark.parametrize("depth", [1e-3, 1e-5, 3e-6, -3e-6, -1e-5, -1e-3])
-def test_grazing_motions(depth):
-    """A ball is put where a motion misses it by `depth`, m; below 0 it touches."""
-    problem = among_bodies("panda", 6, 5)
+@pytest.fixture(scope="module")
+def grazes():
+    """A problem, and of motions: a place that each comes near to, how near to a ball there (m), from which side."""
+    problem, found = among_bodies("panda", 6, 5), []
     model = CollisionModel(problem.robot, problem.scene)
     for motion in motions(problem, 4):
         q = motion(0.37 * motion.duration)
         place = model.kinematics.poses(q[None])[0, -1, :3, 3] + np.array([0.0, 0.0, 0.6])
-        ball = op.Sphere("grazed", radius=0.05, position=place)
-        found = CollisionModel(problem.robot, problem.with_scene([ball]).scene)
+        with_ball = CollisionModel(problem.robot, problem.with_scene([ball(place)]).scene)
         Q = motion(np.linspace(0.0, motion.duration, 4000))
-        near = found.clearance(min(Q, key=lambda q: found.clearance(q).distance))
-        way = (near.point_b - place) / np.linalg.norm(near.point_b - place)
-        if near.pair.name_b != "grazed":
-            way = (near.point_a - place) / np.linalg.norm(near.point_a - place)
-        touching = op.Sphere("grazed", radius=0.05, position=place + (near.distance - depth) * way)
-        moved = CollisionModel(problem.robot, problem.with_scene([touching]).scene)
+        near = with_ball.clearance(min(Q, key=lambda q: with_ball.clearance(q).distance))
+        on_ball = near.point_b if near.pair.name_b == "grazed" else near.point_a
+        found.append((motion, place, near.distance, (on_ball - place) / np.linalg.norm(on_ball - place)))
+    return problem, found
+
+
+def ball(place):
+    return op.Sphere("grazed", radius=0.05, position=place)
+
+
+@pytest.mark.parametrize("depth", [1e-3, 1e-5, 3e-6, -3e-6, -1e-5, -1e-3])
+def test_grazing_motions(grazes, depth):
+    """A ball is put where a motion misses it by `depth`, m; below 0 it touches."""
+    problem, found = grazes
+    for motion, place, distance, way in found:
+        touching = problem.with_scene([ball(place + (distance - depth) * way)]).scene
+        moved = CollisionModel(problem.robot, touching)
         assert certify(moved, motion, VerifyPolicy()).proved == without_planes(moved, motion, VerifyPolicy()).proved
 
 

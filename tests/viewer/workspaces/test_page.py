@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 
 import numpy as np
 import pinocchio as pin
@@ -13,9 +12,8 @@ from optiplan.robot.robot import load_robot
 from optiplan.viewer.workspaces.page import best_samples, render_workspaces
 from optiplan.workspace.sampling import WorkspaceOptions, study_workspace
 from tests.axe import serious
+from tests.viewer.browsing import UNDRAWN
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 pytestmark = [pytest.mark.timeout(240)]
 
 
@@ -58,6 +56,7 @@ def test_in_a_browser(found, browser, tmp_path):
     path.write_text(render_workspaces(found), encoding="utf-8")
     complaints = []
     page = browser.new_page(viewport={"width": 1280, "height": 800}, device_scale_factor=0.25)
+    page.add_init_script(UNDRAWN)
     page.on(
         "console", lambda m: m.type in ("error", "warning") and "GPU stall" not in m.text and complaints.append(m.text)
     )

@@ -1,5 +1,8 @@
 #include "convex.hpp"
 
+#include <stdexcept>
+#include <type_traits>
+
 #include "closed_forms.hpp"
 #include "triangle_mesh.hpp"
 
@@ -51,6 +54,23 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
+// Whether a pair of such cores, in the order of their kinds, comes to the iteration: the others have closed forms.
+constexpr bool is_iterated(Kind a, Kind b) {
+    return a <= b && (b == Kind::hull || (a != Kind::sphere && (a != Kind::capsule || b != Kind::capsule)));
+}
+
+// f(core of a, core of b), compiled for the pairs that come to it only: each takes a second of a compiler.
+template <class Found, class F> Found with_cores(const Shape &a, const Shape &b, F &&f) {
+    return with_core(a, [&](const auto &core_a) {
+        return with_core(b, [&](const auto &core_b) -> Found {
+            if constexpr (is_iterated(std::decay_t<decltype(core_a)>::kind, std::decay_t<decltype(core_b)>::kind))
+                return f(core_a, core_b);
+            else
+                throw std::logic_error("cores that are not in order, or whose distance has a closed form");
+        });
+    });
+}
+
 template <class A, class B>
 Witness iterative(const A &a, const B &b, const Pose &X_AB, double cutoff, Features *features, double gap) {
     const auto difference = difference_of(a, b, X_AB);
@@ -90,8 +110,8 @@ Witness cores(const Shape &a, const Shape &b, const Pose &X_AB, double cutoff, F
     }
     if (a.kind == Kind::capsule && b.kind == Kind::capsule)
         return segments({}, {0.0, 0.0, a.half_length}, X_AB.p, along_axis(X_AB, b.half_length));
-    return with_core(a, [&](const auto &core_a) {
-        return with_core(b, [&](const auto &core_b) { return iterative(core_a, core_b, X_AB, cutoff, features, gap); });
+    return with_cores<Witness>(a, b, [&](const auto &core_a, const auto &core_b) {
+        return iterative(core_a, core_b, X_AB, cutoff, features, gap);
     });
 }
 
@@ -134,13 +154,11 @@ bool overlap_within(const Shape &a, const Pose &X_WA, const Shape &b, const Pose
     if (b.kind == Kind::mesh) return between_meshes(a, b, X_AB, within, within).distance <= within;
     if (a.kind == Kind::sphere || (a.kind == Kind::capsule && b.kind == Kind::capsule))
         return cores(a, b, X_AB, within).distance <= within;
-    return with_core(a, [&](const auto &core_a) {
-        return with_core(b, [&](const auto &core_b) {
-            const GjkResult found = gjk(difference_of(core_a, core_b, X_AB), within, within, features);
-            const bool apart = found.status == GjkResult::Status::beyond_cutoff;
-            if (features) features->direction = apart ? found.direction : Vec3{};
-            return !apart;
-        });
+    return with_cores<bool>(a, b, [&](const auto &core_a, const auto &core_b) {
+        const GjkResult found = gjk(difference_of(core_a, core_b, X_AB), within, within, features);
+        const bool apart = found.status == GjkResult::Status::beyond_cutoff;
+        if (features) features->direction = apart ? found.direction : Vec3{};
+        return !apart;
     });
 }
 

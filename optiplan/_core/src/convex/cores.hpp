@@ -15,6 +15,7 @@ namespace optiplan {
 inline double clamped(double value, double half) { return std::max(-half, std::min(half, value)); }
 
 struct PointCore {
+    static constexpr Kind kind = Kind::sphere;
     static constexpr bool curved = false;
     Vec3 support(const Vec3 &) const { return {}; }
     Vec3 near(const Vec3 &) const { return {}; }
@@ -24,6 +25,7 @@ struct PointCore {
 };
 
 struct SegmentCore {  // along z
+    static constexpr Kind kind = Kind::capsule;
     static constexpr bool curved = false;
     double half_length;
     Vec3 support(const Vec3 &d) const { return {0.0, 0.0, std::copysign(half_length, d.z)}; }
@@ -34,6 +36,7 @@ struct SegmentCore {  // along z
 };
 
 struct BoxCore {
+    static constexpr Kind kind = Kind::box;
     static constexpr bool curved = false;
     Vec3 half;
     Vec3 support(const Vec3 &d) const {
@@ -46,6 +49,7 @@ struct BoxCore {
 };
 
 struct CylinderCore {  // about z
+    static constexpr Kind kind = Kind::cylinder;
     static constexpr bool curved = true;
     double radius, half_length;
     Vec3 support(const Vec3 &d) const {
@@ -64,6 +68,7 @@ struct CylinderCore {  // about z
 };
 
 struct HullCore {
+    static constexpr Kind kind = Kind::hull;
     static constexpr bool curved = false;
     const Hull *hull;
     Vec3 support(const Vec3 &d) const { return hull->support(d); }

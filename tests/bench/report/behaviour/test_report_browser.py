@@ -1,6 +1,5 @@
 """The report in a real browser, from a file and served: it must look right, sort, open scenes, and never complain."""
 
-import shutil
 import threading
 
 import pytest
@@ -10,9 +9,8 @@ from optiplan.bench.report.page import write_page
 from optiplan.bench.report.server import ReportServer
 from optiplan.bench.results.database import Store
 from tests.axe import serious
+from tests.viewer.browsing import UNDRAWN
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 TABLE = "#planners .view:first-child .scroll:first-of-type"
 WITNESS = {"q": [0.1, 0.2], "points": [[0.1, 0.2, 0.3], [0.2, 0.2, 0.3]], "pair": ["arm", "ball"]}
 OVERLAPS = """() => [...document.querySelectorAll(":is(.view:not([hidden]), #measures) figure svg")].map((svg) => {
@@ -35,6 +33,7 @@ def visit(browser):
     complaints = []
     size = {"width": 1400, "height": 900}
     context = browser.new_context(viewport=size, device_scale_factor=0.25)  # a sixteenth of the pixels
+    context.add_init_script(UNDRAWN)
     context.set_default_timeout(100_000)
 
     def heard(message):

@@ -41,9 +41,8 @@ def folder(tmp_path, free, shut_in, optiplan, kept):
     return tmp_path / "out"
 
 
-def test_report_show_and_compare(folder, tmp_path, optiplan, optiplan_json, monkeypatch):
+def test_report_show_and_compare(folder, tmp_path, optiplan, optiplan_json):
     assert "50.0 % verified" in (folder / "report.html").read_text()
-    monkeypatch.setattr("optiplan.bench.report.page.measure_figures", measure_figures)  # on one page all of them
     written = ("--out", tmp_path / "page.html", "--markdown", tmp_path / "md" / "t.md", "--figures", tmp_path / "f")
     written += ("--tables", tmp_path / "t", "--pages", 0)
     code, data = optiplan_json("bench", "report", folder, *written)

@@ -27,8 +27,8 @@ tasks:
 states: {count: 300}
 maximise: [manipulability, reach_volume]
 minimise: [cycle_time]
-search: {population: 6, generations: 4}
-proof: {budget: 1}
+search: {population: 4, generations: 3}
+proof: {budget: 0.5}
 """
 
 
@@ -61,7 +61,7 @@ def test_json_of_a_study_that_asks_too_much(optiplan_json, study):
     code, data = optiplan_json("design", str(study))
     assert code == data["exit_code"] == 3
     assert data["front"] == []
-    assert data["designs"] == 24
+    assert data["designs"] == 12
 
 
 def test_a_study_that_no_design_meets_says_what_is_missed(optiplan, study, tmp_path):
@@ -100,7 +100,7 @@ def test_a_bad_study_names_the_line(optiplan, study, old, new, words):
 
 
 def test_ctrl_c_keeps_what_was_found(study, tmp_path):
-    study.write_text(STUDY.replace("generations: 4", "generations: 10000").replace("  - {start", "  # - {start"))
+    study.write_text(STUDY.replace("generations: 3", "generations: 10000").replace("  - {start", "  # - {start"))
     study.write_text(study.read_text().replace("tasks:\n", "").replace("minimise: [cycle_time]\n", ""))
     command = [sys.executable, "-m", "optiplan", "design", str(study), "--out", str(tmp_path / "out"), "--json"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
