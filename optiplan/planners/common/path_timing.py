@@ -13,6 +13,7 @@ from optiplan.trajectory.trajectory import Trajectory
 
 _SHRINK = 0.5
 _SHARPEST = 0.01  # share of half a segment: smallest corner that is rounded
+_SAME_POINT = 1e-9  # rad or m: between nearer points there is no room to round a corner
 
 
 def timed_path(model: CollisionModel, waypoints: Array, limits: Limits, budget: Budget) -> Trajectory | None:
@@ -30,10 +31,12 @@ def timed_path(model: CollisionModel, waypoints: Array, limits: Limits, budget: 
     """
     robot = model.robot
     stops = stopping(robot, limits, waypoints)
-    distinct = np.any(np.diff(waypoints, axis=0) != 0.0, axis=1)
+    distinct = (np.abs(np.diff(waypoints, axis=0)) > _SAME_POINT).any(axis=1)
     if stops is None or not distinct.any():
         return stops
-    blended = _blend(model, waypoints[np.concatenate([[True], distinct])], limits, budget)
+    corners = waypoints[np.concatenate([[True], distinct])]
+    corners[-1] = waypoints[-1]
+    blended = _blend(model, corners, limits, budget)
     return stops if blended is None or blended.duration > stops.duration else blended
 
 

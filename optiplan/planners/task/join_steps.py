@@ -25,6 +25,7 @@ from optiplan.planners.task.smooth_runs import SmoothRun, path_state, smooth_run
 from optiplan.planners.task.stops import why_stop
 from optiplan.trajectory.joining import cut_trajectory, join_trajectories
 from optiplan.trajectory.paths.hermite import hermite_trajectory
+from optiplan.trajectory.timing.compose import time_of
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path_by_law
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -45,8 +46,6 @@ _SAMPLES = 400
 
 _TURNED = 0.1
 """Length of the sum of two unit directions below which moves turn back: there the arm stops anyway."""
-
-_BISECTIONS = 60  # of the time at which a law passes a share
 
 
 def join_steps(parts: Sequence[TaskPart], budget: Budget, progress: Progress, thorough: bool = True) -> list[Group]:
@@ -311,15 +310,3 @@ def _gap(names: tuple[str, ...], a: Array, b: Array, speed: Array) -> Trajectory
     """Return the polynomial of degree five between two states (3, n)."""
     width = max(float(np.linalg.norm((b[0] - a[0]) / speed)), 1e-6)
     return hermite_trajectory(names, np.array([0.0, width]), np.array([a, b]))
-
-
-def time_of(law: Trajectory, share: float) -> float:
-    """Return when a law passes a share of the path, s; it never decreases."""
-    low, high = 0.0, law.duration
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (low + high)
-        if float(law(middle)[0]) < share:
-            low = middle
-        else:
-            high = middle
-    return high

@@ -94,7 +94,7 @@ class Hermite:
         return hermite_trajectory(self.joint_names, np.array([0.0, T]), np.array([self.start, self.end]))
 
     def _ratio(self, T: Array) -> Array:
-        """Largest share of any limit that the motion takes in the durations T (N,): (N,), good to about 1e-8."""
+        """Largest share of any limit that the motion takes in the durations T (N,): (N,), good to about 1e-6."""
         c = np.swapaxes(hermite(self.start, self.end, T), 1, 2)  # (N, n, 2k)
         lower, upper = self.limits.lower, self.limits.upper
         half_width = np.where(np.isfinite(upper - lower), np.maximum(0.5 * (upper - lower), 1e-9), np.inf)

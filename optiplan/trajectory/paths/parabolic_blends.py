@@ -14,6 +14,8 @@ from optiplan.trajectory.paths.via_splines import heuristic_velocities
 from optiplan.trajectory.tolerances import LIMIT_ROUNDING, SAME_TIME
 from optiplan.trajectory.trajectory import Trajectory
 
+_ROUNDED_TIME = 1e-15  # share of the duration by which rounding sets equal times apart
+
 
 @dataclass(frozen=True, eq=False)
 class Blends:
@@ -122,8 +124,9 @@ def run_blends(start: Array, blends: Blends, joint_names: tuple[str, ...]) -> Tr
     begin, end = blends.times[:, None] - half, blends.times[:, None] + half
     begin[0], end[0] = 0.0, 2.0 * half[0]
     begin[-1], end[-1] = T - 2.0 * half[-1], T
-    edges = distinct(np.concatenate([[0.0], np.clip(np.append(begin, end), 0.0, T)]))
-    edges = np.append(edges[:-1][np.diff(edges) > SAME_TIME * T], T)
+    edges = distinct(np.concatenate([[0.0, T], np.clip(np.append(begin, end), 0.0, T)]))
+    edges = edges[np.concatenate([[True], np.diff(edges) > _ROUNDED_TIME * T])]  # no more: a brief blend is a motion
+    edges[-1] = T
     middle = 0.5 * (edges[1:] + edges[:-1])[:, None, None]
     a = np.where((begin < middle) & (middle < end), blends.accelerations, 0.0).sum(axis=1)  # (m, n)
     h = np.diff(edges)[:, None]

@@ -11,13 +11,13 @@ from optiplan.arrays import Array, distinct
 from optiplan.robot.robot import Limits
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.profiles.laws import Bounds, Law, LawPieces
+from optiplan.trajectory.timing.s_curve import with_digits
 from optiplan.trajectory.tolerances import SAME_TIME, SHORTEST_DURATION
 from optiplan.trajectory.trajectory import Trajectory
 
 Synchronisation = Literal["synchronised", "independent", "sequential"]
 
 _LEAST = 1e-9  # rad or m: smaller distances get no larger bounds on s, so that these stay finite
-_BRIEFEST = 1e-8  # share of the duration that a phase of a law takes at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,15 +128,13 @@ class RestToRest:
 def _bounds(step: Array, limits: Limits) -> Bounds:
     """Bounds on s of a part that moves by `step` (n,): the least of limit_j / |step_j|.
 
-    A phase takes at least 1e-8 of the motion: larger accelerations and jerks are lowered to that. Seconds have sixteen
-    digits, and a phase needs some of them. The cost is as small a share of the duration.
+    Accelerations and jerks are those of `with_digits`.
     """
     moving = step != 0.0
     size = np.maximum(np.abs(step[moving]), _LEAST)
     rates = limits.rates
     v, a, j = (float((limit[moving] / size).min()) for limit in rates)
-    a = min(a, v**2 / _BRIEFEST)
-    return Bounds(v, a, j if np.isinf(j) else min(j, a / (_BRIEFEST * max(1.0 / v, 2.0 / a**0.5))))
+    return Bounds(v, *with_digits(1.0, v, a, j))
 
 
 def _within(curve: LawPieces, begin: float, T: float) -> LawPieces:

@@ -7,7 +7,9 @@ from optiplan.trajectory import polynomial
 from optiplan.trajectory.tolerances import SAME_TIME
 from optiplan.trajectory.trajectory import Trajectory
 
-_OUTSIDE = 1e-9  # share of the path's length, and of the law's speed, that rounding may cost
+_OUTSIDE = 1e-9  # share of the path's length that rounding may cost
+_BACKWARDS = 1e-7  # share of the law's largest speed; the rounded end of a phase of 1e-8 of the time costs up to 2e-8
+_BISECTIONS = 60  # of the time at which a law passes a place
 
 
 def compose(path: Trajectory, law: Trajectory) -> Trajectory:
@@ -41,6 +43,18 @@ def compose(path: Trajectory, law: Trajectory) -> Trajectory:
     return Trajectory(path.joint_names, t, result)
 
 
+def time_of(law: Trajectory, place: float) -> float:
+    """Return when a law, which never decreases, passes a place of the path, s."""
+    low, high = 0.0, law.duration
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        if float(law(middle)[0]) < place:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
 def _check(path: Trajectory, law: Trajectory) -> None:
     if law.n != 1:
         raise ValueError(f"law: found {law.n} columns; expected one, s(t)")
@@ -48,7 +62,7 @@ def _check(path: Trajectory, law: Trajectory) -> None:
     if low < -_OUTSIDE * path.duration or high > path.duration * (1.0 + _OUTSIDE):
         raise ValueError(f"law: found s in [{low}, {high}]; expected it within [0, {path.duration}]")
     slowest, fastest = (float(x[0]) for x in law.extrema(1))
-    if slowest < -_OUTSIDE * fastest:
+    if slowest < -_BACKWARDS * fastest:
         raise ValueError(f"law: found a speed of {slowest}; expected s never to decrease")
 
 

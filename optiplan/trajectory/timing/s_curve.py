@@ -18,6 +18,7 @@ from optiplan.arrays import Array
 from optiplan.trajectory.tolerances import SAME_TIME
 
 _ZERO_DISTANCE = 1e-60  # m or rad: stands for "no distance", so that the formulas above need no branch
+_BRIEFEST = 1e-8  # share of the duration that a phase of a law takes at least
 _ACCELERATION = np.array([0.0, 1.0, 1.0, 0.0, 0.0, -1.0, -1.0, 0.0])  # around the seven phases, over its peak
 
 
@@ -45,11 +46,22 @@ def phases(distance: Array, velocity: Array, acceleration: Array, jerk: Array) -
     return Phases(t_j, t_a, t_v)
 
 
+def with_digits(distance: float, velocity: float, acceleration: float, jerk: float) -> tuple[float, float]:
+    """Return bounds of acceleration and jerk with which each phase takes at least 1e-8 of a motion over a distance.
+
+    Seconds have sixteen digits, and a phase needs some of them. The cost is as small a share of the duration.
+    """
+    a = min(acceleration, velocity**2 / (_BRIEFEST * distance))
+    longest = max(distance / velocity, 2.0 * (distance / a) ** 0.5)
+    return a, jerk if np.isinf(jerk) else min(jerk, a / (_BRIEFEST * longest))
+
+
 def s_curve(distance: float, velocity: float, acceleration: float, jerk: float) -> tuple[Array, Array]:
     """The module's curve in pieces: durations (m,) in s and ascending coefficients (m, 4) of s(t) from 0 to distance.
 
-    All four are positive; the jerk may be infinite.
+    All four are positive; the jerk may be infinite. Acceleration and jerk are those of `with_digits`.
     """
+    acceleration, jerk = with_digits(distance, velocity, acceleration, jerk)
     t_j, t_a, t_v = phases(np.array(distance), np.array(velocity), np.array(acceleration), np.array(jerk))
     times = np.array([t_j, t_a, t_j, t_v, t_j, t_a, t_j])
     peak = acceleration if np.isinf(jerk) else jerk * t_j

@@ -6,10 +6,10 @@ from typing import Literal
 
 import numpy as np
 
-from optiplan.arrays import Array, distinct
+from optiplan.arrays import Array, Flags, distinct
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.samples import sample_times
-from optiplan.trajectory.timing.compose import compose
+from optiplan.trajectory.timing.compose import compose, time_of
 from optiplan.trajectory.timing.jerk_limited import smooth_law
 from optiplan.trajectory.timing.path_constraints import Rows, ToolLimits, rows_at, tool_scale, tool_shares
 from optiplan.trajectory.timing.reachability import fastest_law, slowness
@@ -30,6 +30,7 @@ _MOST_PARTS = 2000
 _ROUNDS, _BEYOND = 6, 1e-3  # of halving parts; share of a limit by which a law may exceed it between points of the grid
 _EASED, _BEYOND_LIMITS = 4, 1e-3  # laws, each slower where the one before passed limits by more than this share
 _PLACES, _AROUND = 401, 2  # of a path, at which laws are made slower; and as many to either side
+_SAME_PLACE = 1e-9  # share of the path: what is outside a part of it by no more is at its end
 
 
 @dataclass(frozen=True)
@@ -137,13 +138,12 @@ def _shares_around(law: Trajectory, motion: Trajectory, robot: Robot, limits: Li
     A motion that is slower there takes less by as much: it is the root of an acceleration's, the cubic root of a
     jerk's.
     """
-    t = sample_times(motion)
-    s = law(t, clamp=True)[:, 0] / law.end[0]
+    t, s = _samples(law, motion, options)
     rates = [np.abs(motion(t, order)) / bound for order, bound in enumerate(limits.rates, 1)]
     shares = np.max([rate.max(axis=1) ** (1.0 / order) for order, rate in enumerate(rates, 1)], axis=0)
     whole = [] if options.tool is None else [(0.0, 1.0, options.tool)]
     for begin, end, tool in (*whole, *options.tool_parts):
-        inside = (s >= begin) & (s <= end)
+        inside = _inside(s, begin, end)
         shares[inside] = np.maximum(shares[inside], tool_shares(robot, tool, motion, t[inside]))
     found = np.zeros(_PLACES)
     np.maximum.at(found, np.rint(np.clip(s, 0.0, 1.0) * (_PLACES - 1)).astype(int), shares)
@@ -159,14 +159,14 @@ def _law(
     def rows(s: Array) -> Rows:
         found = rows_at(path, robot, limits, options.tool, s)
         for begin, end, tool in options.tool_parts:
-            inside = (s >= begin * path.duration) & (s <= end * path.duration)
+            inside = _inside(s / path.duration, begin, end)
             found.speed[inside] = np.minimum(found.speed[inside], rows_at(path, robot, limits, tool, s[inside]).speed)
         found.speed[:] /= np.interp(s, *slower)
         return found
 
     if np.isfinite(limits.jerk).any():
-        return smooth_law(path, limits, rows(_grid(path, _PARTS)), options.stop)
-    return _refined(rows, _grid(path, _PARTS_FASTEST), options.stop)
+        return smooth_law(path, limits, rows(_grid(path, _PARTS, options)), options.stop)
+    return _refined(rows, _grid(path, _PARTS_FASTEST, options), options.stop)
 
 
 def _refined(rows: Callable[[Array], Rows], grid: Array, stop: Callable[[], bool]) -> Trajectory | None:
@@ -184,23 +184,40 @@ def _refined(rows: Callable[[Array], Rows], grid: Array, stop: Callable[[], bool
     return law
 
 
-def _grid(path: Trajectory, least_parts: int) -> Array:
-    """Increasing parameters (k,) at which TOPP-RA looks at the path; among them all its breakpoints."""
+def _grid(path: Trajectory, least_parts: int, options: TimingOptions) -> Array:
+    """Increasing parameters (k,) at which a law looks at the path; among them all breakpoints and ends of parts."""
     h = np.diff(path.breakpoints)
     least = max(1, min(_PARTS_OF_PIECE, _MOST_PARTS // len(h)))
     parts = np.maximum(least, np.ceil(h * (least_parts / path.duration))).astype(int)
     ends = zip(path.breakpoints[:-1], path.breakpoints[1:], parts, strict=True)
-    return distinct(np.concatenate([[0.0], *(np.linspace(a, b, k + 1)[1:] for a, b, k in ends)]))  # of tiny pieces too
+    inner = [np.linspace(a, b, k + 1)[1:] for a, b, k in ends]
+    return distinct(np.concatenate([[0.0], *inner, path.duration * _part_ends(options)]))  # of tiny pieces too
+
+
+def _part_ends(options: TimingOptions) -> Array:
+    """Shares (2k,) of the path at which its k parts with limits of their own begin and end."""
+    return np.array([share for begin, end, _ in options.tool_parts for share in (begin, end)], dtype=float)
+
+
+def _inside(s: Array, begin: float, end: float) -> Flags:
+    """Return which shares (K,) of the path are in a part of it."""
+    return np.asarray((s >= begin - _SAME_PLACE) & (s <= end + _SAME_PLACE))
+
+
+def _samples(law: Trajectory, motion: Trajectory, options: TimingOptions) -> tuple[Array, Array]:
+    """Return times (K,), s, of a motion, those at the ends of parts among them, and the shares (K,) of the path."""
+    ends = [time_of(law, share * law.end[0]) for share in _part_ends(options)]
+    t = np.sort(np.append(sample_times(motion), ends))
+    return t, law(t, clamp=True)[:, 0] / law.end[0]
 
 
 def _held(path: Trajectory, law: Trajectory, robot: Robot, limits: Limits, options: TimingOptions) -> Trajectory | None:
     """Run a path by a law and scale that as a whole to the limits; None where gravity is too much."""
     trajectory = compose(path, law)
     slower = tool_scale(robot, options.tool, trajectory)
+    t, s = _samples(law, trajectory, options)
     for begin, end, tool in options.tool_parts:
-        t = sample_times(trajectory)
-        s = law(t, clamp=True)[:, 0] / path.duration
-        slower = max(slower, tool_scale(robot, tool, trajectory, t[(s >= begin) & (s <= end)]))
+        slower = max(slower, tool_scale(robot, tool, trajectory, t[_inside(s, begin, end)]))
     fitted = scale_to_limits(trajectory, limits, slower)
     slower = torque_scale(robot, limits.torque, fitted)
     return fitted.scaled(fitted.duration * slower) if np.isfinite(slower) else None

@@ -67,6 +67,14 @@ def test_vias_between_pseudo_via_points_are_hit(seed, count, by_time):
     assert motion.end == pytest.approx(points[-1], abs=1e-9)
 
 
+@pytest.mark.parametrize("step", [0.0, 1e-15, 1e-13, 1e-12, 1e-10])
+def test_a_joint_that_hardly_moves_has_blends_next_to_nothing(step):
+    points, times = np.array([[0.0, 0.0], [0.5 * step, 0.7], [step, 1.0]]), np.array([0.0, 2.0, 4.0])
+    motion = run_blends(points[0], blends_by_acceleration(points, times, np.full(2, 3.0)), NAMES)
+    assert motion.end == pytest.approx(points[-1], abs=1e-13)
+    assert np.abs(motion(4.0, 1)).max() < 1e-13
+
+
 @pytest.mark.parametrize("acceleration", [1.32, 1.35])
 def test_blends_that_overlap_are_named(acceleration):
     """Half a radian there and back in 1 s each: with r = sqrt(1 - 1 / a) the straight part lasts 2 r - 1."""

@@ -16,7 +16,7 @@ from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.timing.path_constraints import rows_at, tool_motion
 from optiplan.trajectory.timing.reachability import fastest_law, slowness
 from optiplan.trajectory.timing.stops import stop_at_corners
-from optiplan.trajectory.timing.time_path import TimingOptions, ToolLimits, compose, time_path
+from optiplan.trajectory.timing.time_path import TimingOptions, ToolLimits, compose, time_path, time_path_by_law
 from optiplan.trajectory.timing.time_scaling import speed_ratio
 from optiplan.trajectory.timing.torque_scaling import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
@@ -170,6 +170,17 @@ def test_stopped_it_answers_with_the_best_so_far(panda, reach):
     assert durations[0] > durations[1] > durations[2]
 
 
+@pytest.mark.parametrize("share", [1e-4, 1e-5, 1e-6])
+@pytest.mark.parametrize("name", PATHS)
+def test_a_motion_of_hours_without_jerk_limits_has_digits_for_its_ramps(name, share):
+    """Up to 1e6 s, and milliseconds of acceleration at its end, where seconds have few digits."""
+    limits = limits_of(np.inf)
+    limits = replace(limits, velocity=share * limits.velocity, acceleration=10.0 * limits.acceleration)
+    motion = time_path(PATHS[name], WEIGHTLESS, limits)
+    assert speed_ratio(motion, limits) <= 1.0 + 1e-9
+    assert np.abs(motion(motion.duration, 1) / limits.velocity).max() < 1e-6
+
+
 def test_going_nowhere_is_a_rest():
     path = Trajectory(NAMES, np.array([0.0, 1.0]), np.ones((1, 1, 3)))
     motion = time_path(path, WEIGHTLESS, limits_of(500.0))
@@ -223,6 +234,20 @@ def test_tool_limits_hold_and_are_met(panda, reach, method, limit):
     }
     ((name, value),) = limit.items()
     assert 0.98 * value < found[name] <= value
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("part", [(0.191, 0.785), (0.0, 0.301), (0.3333, 0.3341)])
+def test_the_tool_is_as_slow_in_a_part_of_the_path_from_its_first_to_its_last_instant(panda, reach, method, part):
+    tool = ToolLimits(panda.tool_frame, linear=0.05, angular=0.3)
+    options = TimingOptions(method, tool_parts=((*part, tool),))
+    motion, law = time_path_by_law(reach, panda, panda.limits, options)
+    t = np.linspace(0.0, motion.duration, 20_001)
+    s = law(t)[:, 0]
+    t = t[(s >= part[0]) & (s <= part[1])]
+    twist, _ = tool_motion(panda, tool.frame, [motion(t, order) for order in range(3)])
+    shares = np.linalg.norm(twist[:, :3], axis=1) / tool.linear, np.linalg.norm(twist[:, 3:], axis=1) / tool.angular
+    assert 0.9 < np.max(shares) < 1.0 + 1e-4
 
 
 def test_tool_motion_is_the_derivative_of_the_pose(panda):

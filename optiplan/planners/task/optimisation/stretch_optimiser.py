@@ -10,7 +10,6 @@ from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import contacts_along
 from optiplan.planners.common.tolerances import POSITION_LIMIT_ROUNDING
 from optiplan.planners.path_constraints.motion_check import PathConstraints
-from optiplan.planners.task.join_steps import time_of
 from optiplan.planners.task.optimisation.line_part import LinePart, SpeedLimit
 from optiplan.planners.task.optimisation.move_part import MovePart
 from optiplan.planners.task.optimisation.program import StretchProgram
@@ -25,6 +24,7 @@ from optiplan.planners.trajopt.program.sqp import DescentOptions, PythonProgram,
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.joining import cut_trajectory, join_trajectories
 from optiplan.trajectory.paths.hermite import hermite
+from optiplan.trajectory.timing.compose import time_of
 from optiplan.trajectory.timing.path_constraints import tool_motion, tool_scale
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
 from optiplan.trajectory.timing.torque_scaling import torque_scale
