@@ -69,6 +69,7 @@ _FITS: Mapping[str, Callable[[Any], bool]] = {
     "seed": lambda value: isinstance(value, int) and not isinstance(value, bool) and value >= 0,
     "failure": _failure,
     "report": _mapping,
+    "metrics": _mapping,
     "lower_bound": is_finite,
     "timings": _timings,
     "info": _info,

@@ -7,6 +7,7 @@ import numpy as np
 from optiplan.arrays import Array, distinct
 from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.trajectory import polynomial
+from optiplan.trajectory.pieces import lasting
 from optiplan.trajectory.trajectory import Trajectory
 
 
@@ -15,7 +16,7 @@ def join_trajectories(parts: Sequence[Trajectory]) -> Trajectory:
     begins = np.concatenate([[0.0], np.cumsum([part.duration for part in parts])])
     breakpoints = [part.breakpoints[1:] + begin for part, begin in zip(parts, begins, strict=False)]
     coefficients = np.concatenate(_of_one_degree([part.coefficients for part in parts]))
-    return Trajectory(parts[0].joint_names, np.concatenate([[0.0], *breakpoints]), coefficients)
+    return Trajectory(parts[0].joint_names, *lasting(np.concatenate([[0.0], *breakpoints]), coefficients))
 
 
 def standstill(joint_names: tuple[str, ...], q: Array, seconds: float) -> Trajectory:

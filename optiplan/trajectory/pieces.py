@@ -53,6 +53,12 @@ def defect(joint_names: tuple[str, ...], breakpoints: Array, coefficients: Array
     return None
 
 
+def lasting(breakpoints: Array, coefficients: Array) -> tuple[Array, Array]:
+    """Return breakpoints (m + 1,) and coefficients (m, …) without pieces whose two times rounding has made one."""
+    lasts = np.diff(breakpoints) > 0.0
+    return breakpoints[np.append(True, lasts)], coefficients[lasts]
+
+
 def read_pieces(data: Any, file: str) -> Pieces:
     """Return the pieces of a trajectory from parsed JSON.
 

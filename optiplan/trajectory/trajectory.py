@@ -12,7 +12,7 @@ from optiplan._core import core
 from optiplan.arrays import Array, Index, ReadOnlyArrays, read_only
 from optiplan.errors import InputError, Issue, described
 from optiplan.trajectory import bspline, polynomial
-from optiplan.trajectory.pieces import defect, read_pieces
+from optiplan.trajectory.pieces import defect, lasting, read_pieces
 from optiplan.trajectory.segments import Segment, read_segments, segment_data
 from optiplan.trajectory.state import State
 
@@ -295,7 +295,8 @@ class Trajectory(ReadOnlyArrays):
         rate = self.duration / duration
         powers = rate ** np.arange(self.coefficients.shape[1])
         segments = tuple(segment.scaled(rate) for segment in self.segments)
-        return Trajectory(self.joint_names, self.breakpoints / rate, self.coefficients * powers[:, None], segments)
+        pieces = lasting(self.breakpoints / rate, self.coefficients * powers[:, None])
+        return Trajectory(self.joint_names, *pieces, segments)
 
     def sample_times(self, rate: float) -> Array:
         """Return equally spaced times (k,), s, from the start to the end, at least `rate` a second, Hz."""

@@ -204,7 +204,7 @@ def _row(run: ViewedRun) -> dict[str, float | None]:
     row = {key: metrics.get(key) for key in keys}
     row["planning"] = (record.get("timings") or {}).get("plan")
     row["duration"] = None if run.trajectory is None else run.trajectory.duration
-    return {key: None if value is None or not np.isfinite(value) else float(value) for key, value in row.items()}
+    return {key: float(value) if is_finite(value) else None for key, value in row.items()}
 
 
 def _badge(run: ViewedRun) -> str:

@@ -115,6 +115,7 @@ def test_a_failed_run_loads_without_trajectory(tmp_path):
         ("seed", float("inf")),
         ("failure", {"kind": "no-path"}),
         ("report", {"checks": [1]}),
+        ("metrics", 1.0),
         ("lower_bound", "x"),
         ("timings", [1.0]),
         ("timings", {"plan": None}),

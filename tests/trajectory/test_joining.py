@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from optiplan.errors import InputError
-from optiplan.trajectory.joining import cut_trajectory
+from optiplan.trajectory.joining import cut_trajectory, join_trajectories, standstill
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -72,3 +72,17 @@ def test_a_part_between_breakpoints_a_rounding_apart():
         part = cut_trajectory(motion, begin, end)
         assert part.duration == end - begin
         np.testing.assert_allclose(part.start, motion(begin))
+
+
+def test_a_piece_that_rounding_takes_away_is_left_out():
+    """The time between its ends is a rounding error; later, or at another speed, they are one."""
+    late = 1.9
+    times = np.array([0.0, late, np.nextafter(late, 2.0), 2.0])
+    motion = Trajectory(("a",), times, np.array([[[0.0], [1.0]], [[late], [1.0]], [[late], [1.0]]]))
+    for slower in np.linspace(1.0, 4.0, 50):
+        scaled = motion.scaled(slower * motion.duration)
+        assert scaled.duration == pytest.approx(2.0 * slower, rel=1e-15)
+        np.testing.assert_allclose(scaled.end, motion.end)
+    joined = join_trajectories([standstill(("a",), np.zeros(1), 5.0), motion])
+    assert len(joined.breakpoints) == 4
+    np.testing.assert_allclose(joined(6.95), motion(1.95))

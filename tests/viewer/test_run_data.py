@@ -215,13 +215,15 @@ def test_how_a_run_was_found(proof):
         "log": {"duration": [1.0]},
     }
     torn = {**straight, "log": {**columns, "radius": [0.1]}}
-    record = {"improvements": [[0.03, 0.8]], "info": {"attempts": [straight, refused, torn, 3]}}
+    wrong = {**straight, "iterations": "", "duration": "0.8", "touches": 3, "log": {**columns, "merit": [[2], 1]}}
+    record = {"improvements": [[0.03, 0.8]], "info": {"attempts": [straight, refused, torn, wrong, 3]}}
     found = found_by(record)
     assert found["improvements"] == [[0.03, 0.8]]
-    first, second, third = found["attempts"]
+    first, second, third, fourth = found["attempts"]
     assert (first["begun_at"], first["ended"], first["log"]["violation"]) == ("straight line", "converged", [0.1, 0.0])
     assert (second["begun_at"], second["hindered"]) == ("best curve with a bump", "link5 – board")
     assert (second["duration"], second["log"], third["log"]) == (None, None, None)
+    assert [fourth[key] for key in ("iterations", "duration", "hindered", "log")] == [0, None, "", None]
     assert found_by({"info": {"attempts": 3}}) is None
     assert found_by(None) is None
 
@@ -240,6 +242,13 @@ def test_a_damaged_log_is_refused_in_words(tmp_path):
         with pytest.raises(op.InputError, match="log") as caught:
             read_log(tmp_path)
     assert "q: nan in row 0; expected finite numbers" in str(caught.value)
+
+
+def test_metrics_of_a_damaged_record_are_left_out():
+    problem = op.load_problem("12_planar")
+    record = {"metrics": {"jerk_share": {"x": 1}, "rms_torque": "3", "tool_path": [[0.1]], "peak_jerk": 10**400}}
+    run = ViewedRun("damaged", None, record=record)
+    assert not any(build_scene(problem, [run]).to_dict()["runs"][0]["row"].values())
 
 
 def test_stops_of_a_damaged_record_are_left_out():

@@ -10,6 +10,7 @@ from optiplan.collision.kept_models import kept_planning_model
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure, PlanResult
 from optiplan.planners.common.continuous_collision import Touch, first_contact
+from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.path_constraints.motion_check import Broken, PathConstraints, broken_constraint
 from optiplan.problem.problem import Problem, derived
 from optiplan.trajectory.joining import join_trajectories, standstill
@@ -81,7 +82,7 @@ def delayed(
     if refused is not None:
         return broken_constraint(*refused, "motions that wait or go slower and meet nothing break a path constraint")
     if touch is None:
-        return Failure("budget", f"{budget.seconds:.3g} s ended while waiting times were tried")
+        return out_of_time(budget, "trying waiting times")
     if _states_times(problem):
         detail = f"{touch.words} at {touch.t:.3f} s, and a motion with times of vias neither waits nor slows down"
         return Failure("unsupported", detail, touch.witness(motions[0]))

@@ -3,8 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
+from optiplan.arrays import is_finite
 from optiplan.planners.trajopt.program.iteration_log import COLUMNS
 
 BEGUN_AT = {
@@ -40,21 +39,25 @@ def found_by(record: Mapping[str, Any] | None) -> dict[str, Any] | None:
 
 def _attempt(told: Mapping[str, Any]) -> dict[str, Any]:
     seed, duration = str(told.get("seed", "")), told.get("duration")
-    touches = told.get("touches") or ()
+    touches = told.get("touches")
+    names = touches if isinstance(touches, list | tuple) else ()
+    iterations = told.get("iterations")
     return {
         "begun_at": BEGUN_AT.get(seed, seed),
         "free": bool(told.get("free")),
-        "duration": float(duration) if duration is not None and np.isfinite(duration) else None,
-        "iterations": int(told.get("iterations", 0)),
+        "duration": float(duration) if is_finite(duration) else None,
+        "iterations": int(iterations) if is_finite(iterations) else 0,
         "ended": str(told.get("ended", "")),
-        "hindered": " – ".join(str(name) for name in touches) or str(told.get("breaks", "")),
+        "hindered": " – ".join(str(name) for name in names) or str(told.get("breaks", "")),
         "log": _log(told.get("log")),
     }
 
 
 def _log(told: Any) -> dict[str, list[float]] | None:
-    """The columns, where there are any, of one length."""
+    """The columns, where there are any, of numbers and of one length."""
     if not isinstance(told, Mapping) or not all(isinstance(told.get(name), list) for name in COLUMNS):
+        return None
+    if not all(is_finite(value) for name in COLUMNS for value in told[name]):
         return None
     columns = {name: [float(value) for value in told[name]] for name in COLUMNS}
     return columns if {len(column) for column in columns.values()} == {len(columns["duration"]) or -1} else None

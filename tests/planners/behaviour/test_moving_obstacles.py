@@ -1,11 +1,14 @@
 """Planning among obstacles that move: any planner waits or goes slower, `trajopt` goes round in time."""
 
+import threading
+
 import numpy as np
 import pytest
 
 import optiplan as op
 from optiplan.collision.native_model import planning_model
-from optiplan.planners.base import Budget
+from optiplan.planners.base import Budget, PlanResult
+from optiplan.planners.common.dynamic_obstacles import wait_for_obstacles
 from optiplan.planners.registry import make_planner
 from optiplan.planners.trajopt import optimise_in_time
 from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpoints
@@ -65,6 +68,14 @@ def test_what_never_leaves_is_said_to_be_in_the_way():
     found = plan(REACH.with_scene([falls]), "scurve")
     assert found.failure.kind == "collision"
     assert "waiting" in found.failure.detail
+
+
+def test_a_cancelled_search_for_waiting_times_is_no_end_of_the_budget():
+    cancelled, over = threading.Event(), Budget(0.0)
+    cancelled.set()
+    for budget, kind in ((Budget(6.0, cancelled), "cancelled"), (over, "budget")):
+        found = wait_for_obstacles(PlanResult(MOTION, None), HIT, budget)
+        assert found.failure.kind == kind
 
 
 @pytest.mark.parametrize("name", ["trajopt", "quintic", "rrtconnect"])
