@@ -14,6 +14,7 @@ import numpy.typing as npt
 from optiplan import cache
 from optiplan.arrays import Array
 from optiplan.geometry.convex_hulls import FLAT, Hull, kept_hull, solid_hull, thickened_hull
+from optiplan.geometry.meshes.mesh_parts import parts_of_mesh
 from optiplan.geometry.meshes.triangles import Soup, Triangles
 from optiplan.geometry.over_cover import MeshSolid
 
@@ -101,10 +102,11 @@ def body_of(points: Array) -> Hull:
     """
     if len(points) == 0 or not np.isfinite(points).all():
         raise ValueError("a mesh without finite vertices")
-    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    if len(points) < 4 or spread[-1] <= FLAT:
-        return thickened_hull(points)
-    return kept_hull(points)
+    return thickened_hull(points) if _in_a_plane(points) else kept_hull(points)
+
+
+def _in_a_plane(points: Array) -> bool:
+    return len(points) < 4 or bool(np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[-1] <= FLAT)
 
 
 class Cover(NamedTuple):
@@ -184,7 +186,7 @@ def pieces_of(mesh: Soup, options: CoacdOptions = CoacdOptions()) -> CoacdPieces
 
     CoACD's pieces cut corners of the mesh. So each triangle is assigned to the piece that contains it best; one that
     spans several pieces is divided first. Every piece becomes the hull of itself and its triangles, so the union
-    contains the mesh.
+    contains the mesh. A mesh in a plane has the hulls of `parts_of_mesh`, which are thickened.
 
     Args:
         mesh: triangles, in m.
@@ -223,6 +225,9 @@ def _cut(vertices: Array, triangles: Triangles, options: CoacdOptions) -> CoacdP
     import coacd
     from trimesh.remesh import subdivide_to_size
 
+    if _in_a_plane(vertices):  # without a volume that could be cut
+        parts = parts_of_mesh(Soup(vertices, triangles))
+        return CoacdPieces(tuple(part.vertices for part in parts), max(part.over_cover for part in parts))
     settings = asdict(options)
     longest, enough = settings.pop("longest_edge"), settings.pop("enough")
     coacd.set_log_level("error")

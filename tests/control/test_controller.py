@@ -159,6 +159,18 @@ def test_a_robot_that_sets_out_is_not_as_near_as_it_comes(name):
     assert statuses <= {"tracking", "limited"}
 
 
+def test_positions_may_be_given_up_last(panda):
+    q = panda.configurations["ready"].copy()
+    q[0] = panda.limits.upper[0] - 0.05  # where it could not stop at full speed
+    controller = op.Controller(panda, [op.PostureTask("ready")], relax=["position"])
+    state = op.State(q)
+    for _ in range(50):
+        step = controller.step(state, DT)
+        state = step.state
+        assert step.status == "tracking"
+    assert state.q[0] < q[0]
+
+
 def test_relaxation_follows_the_declared_order(panda):
     """Two walls that cannot both hold: the one that is named first gives way, and its slack says so."""
     up = op.HalfSpaceLimit(panda.tool_frame, normal=(0, 0, 1), offset=2.0)  # the tool two metres high

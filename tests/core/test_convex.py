@@ -315,3 +315,7 @@ def test_bad_shapes_are_refused():
     ]:
         with pytest.raises(ValueError, match=message):
             getattr(core.Shape, maker)(*arguments)
+    hull, cube = core.Shape.convex_hull(CORNERS), core.Shape.box(np.ones(3))
+    parts = [hull, cube, core.Shape.triangles(CORNERS, triangle)]
+    with pytest.raises(ValueError, match="parts that are hulls"):
+        core.Body.of(0, np.eye(4), parts, np.ones(6), 1.0)

@@ -77,6 +77,17 @@ def test_pieces_contain_the_mesh_and_leave_its_hollow_free(angle):
     assert 0 <= pieces.growth < 0.01
 
 
+def test_a_mesh_in_a_plane_has_pieces():
+    turn = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
+    angle = np.array([[0, 0, 0], [30, 0, 0], [30, 2, 0], [2, 2, 0], [2, 30, 0], [0, 30, 0]]) / 100.0 @ turn
+    pieces = pieces_of(Soup(angle, np.array([[0, 1, 2], [0, 2, 3], [0, 3, 5], [3, 4, 5]])))
+    hollow = np.array([[0.2, 0.2, 0.0]]) @ turn
+    out = np.min([protrusion(faces_of(piece), np.vstack([angle, hollow])) for piece in pieces.vertices], axis=0)
+    assert out[:-1].max() <= 1e-9
+    assert out[-1] > 0.05
+    assert 0.0 < pieces.growth <= 2e-5
+
+
 def test_a_convex_mesh_is_one_piece(tmp_path):
     trimesh.creation.icosphere(subdivisions=2, radius=0.1).export(tmp_path / "ball.stl")
     assert len(pieces_of(soup_of(load(tmp_path / "ball.stl"))).vertices) == 1

@@ -52,6 +52,7 @@ static void make_search(RrtConnect *self, EdgeChecker &check, const Vector &stil
     const auto row = [&](int k) { return std::vector<double>(rows.data() + k * m, rows.data() + (k + 1) * m); };
     space.lower = row(0), space.upper = row(1), space.units = row(2);
     space.velocity = row(3), space.acceleration = row(4);
+    for (double unit : space.units) expect(unit > 0.0, "units above 0");
     space.least = least;
     new (self) RrtConnect(check, std::move(space), start.data(), to_vector(goals), reach, seed);
 }

@@ -50,7 +50,10 @@ static Body make_body(int joint, const Matrix &placement, std::vector<Shape> sha
            "a shape, or a hull, hulls of parts, and triangles");
     const Vec3 centre = vec3_at(box.data());
     std::vector<ConvexPart> parts;
-    for (std::size_t k = 1; k + 1 < shapes.size(); ++k) parts.push_back(ConvexPart::hull(shapes[k]));
+    for (std::size_t k = 1; k + 1 < shapes.size(); ++k) {
+        expect(shapes[k].kind == Kind::hull, "parts that are hulls");
+        parts.push_back(ConvexPart::hull(shapes[k]));
+    }
     if (parts.empty()) parts.push_back({shapes.front(), centre, radius});
     if (shapes.size() > 1) shapes.erase(shapes.begin() + 1, shapes.end() - 1);
     Body body{joint,

@@ -278,6 +278,10 @@ def fastest_velocity(
     limit, jerk, lag, slow = end.limit, end.jerk, end.lag, end.slow
     if limit == math.inf and jerk == math.inf:
         return min(max(room / (moves + lag), low), high)
+    if high == math.inf:
+        high = max(room, 0.0) / moves  # a step alone takes all of the room
+    if low == -math.inf:
+        low = min(v, 0.0, high)  # none of it
 
     def left(x: float) -> float:
         a = (x - v) / dt

@@ -53,6 +53,20 @@ TEST(a_chunk_in_motion_keeps_its_velocity) {
     CHECK(times.back() < chunk_times(standing, Q.data(), 20, limits()).back());
 }
 
+TEST(a_speed_that_leads_hardly_along_the_chunk_makes_it_little_slower) {
+    const Vec Q = arc(20);
+    const JointState standing{{0.0, 0.0}, {0.0, 0.0}, {0.0, 0.0}};
+    const double least = chunk_times(standing, Q.data(), 20, limits()).back();
+    for (double size : {1e-15, 1e-12, 1e-9, 1e-6, 1e-3}) {
+        const Vec slow = chunk_times({{0.0, 0.0}, {size, 0.0}, {0.0, 0.0}}, Q.data(), 20, limits());
+        CHECK(slow.size() == 20 && slow.back() < 1.3 * least);
+        const double across[2] = {-Q[1] + size * Q[0], Q[0] + size * Q[1]}, length = std::hypot(Q[0], Q[1]);
+        const JointState aside{{0.0, 0.0}, {0.5 * across[0] / length, 0.5 * across[1] / length}, {0.0, 0.0}};
+        const Vec times = chunk_times(aside, Q.data(), 20, limits());
+        CHECK(times.size() == 20 && times.back() < 2.5 * least);
+    }
+}
+
 TEST(numbers_gone_wrong_have_no_times) {
     const Vec Q{std::nan(""), 0.0};
     CHECK(chunk_times({{0.0, 0.0}, {0.0, 0.0}, {0.0, 0.0}}, Q.data(), 1, limits()).empty());

@@ -40,4 +40,10 @@ TEST(joints_that_do_not_brake_are_carried_along) {
     CHECK(path.way[1] >= std::fabs(path.drifts[0].at(0.5) - 1.0) - 1e-12);
 }
 
+TEST(what_has_ended_its_way_stands_still) {
+    const Drift ended{{0.4, 0.0, 0.0, 0.0, 0.0}, 0.0}, cubic{{0.4, 1.0, -2.0, 3.0}, 2.0};
+    CHECK(ended.strongest(0.0, 0.4) == 0.0 && ended.way(0.4) == 0.0 && ended.at(0.4) == 0.4);
+    NEAR(cubic.strongest(0.1, 0.5), 2.0 * 2.0 + 6.0 * 3.0 * 0.5, 1e-12);
+}
+
 }  // namespace optiplan::test_stop_path

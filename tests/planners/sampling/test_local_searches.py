@@ -119,7 +119,7 @@ def test_where_a_search_is_cut_changes_nothing():
     bounds = search_bounds(limits, (problem.start, goal[None]))
     rows = np.vstack([*bounds, check.units, limits.velocity, limits.acceleration])
 
-    def search():
+    def search(rows=rows):
         ends = problem.start, goal[None]
         return core.RrtConnect(check.native, still, np.flatnonzero(joints), rows, check.least, *ends, 0.4, 3)
 
@@ -129,3 +129,5 @@ def test_where_a_search_is_cut_changes_nothing():
         cut.grow(20_000, 1e-4)
     assert cut.iterations == whole.iterations
     assert np.array_equal(cut.path(7), whole.path(7))
+    with pytest.raises(ValueError, match="units above 0"):
+        search(rows * np.array([1.0, 1.0, 0.0, 1.0, 1.0])[:, None])

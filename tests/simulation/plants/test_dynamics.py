@@ -6,7 +6,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from optiplan.errors import InputError
-from optiplan.geometry.scene import Scene
+from optiplan.geometry.scene import Mesh, Obstacle, Scene
 from optiplan.problem.obstacles import Box
 from optiplan.robot.robot import load_robot
 from optiplan.simulation.plants.base import NOMINAL, Friction, Payload, PlantOptions
@@ -159,6 +159,14 @@ def test_mujoco_knows_the_obstacles_and_what_may_touch(panda):
     assert hit.contacts() == []  # told once
     allowed = Scene([shelf], allowed=[("shelf", link) for link in panda.link_geometry])
     assert mujoco_plant(panda, READY, scene=allowed).contacts() == []
+
+
+def test_a_flat_mesh_is_an_obstacle_in_mujoco_too(panda, tmp_path):
+    (tmp_path / "flat.obj").write_text("v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nf 1 2 3\nf 1 3 4\n")
+    for height, touches in ((0.48, True), (2.0, False)):
+        table = Obstacle("table", Mesh(tmp_path / "flat.obj"), pin.SE3(np.eye(3), np.array([0.9, 0.0, height])))
+        contacts = mujoco_plant(panda, READY, scene=Scene([table])).contacts()
+        assert any("table" in pair for pair in contacts) == touches
 
 
 def test_joints_that_follow_move_in_mujoco_too(tmp_path):

@@ -11,6 +11,7 @@ static constexpr double PACES[] = {1.0, 0.9, 0.8, 0.7,
 static constexpr int FEW_ROUNDS = 6;    // at each of these paces
 static constexpr int ROUNDS = 30;
 static constexpr double SHORTEST = 1e-4;  // s, of an interval
+static constexpr double SLOWEST = 100.0;  // times the least interval: of robots that hardly move
 static constexpr double SPARE = 1.0 + 1e-7;
 static constexpr double PACE = 0.2;   // power of the ratio by which an interval is changed
 static constexpr double SIDE = 0.9;   // share of the ratio of a neighbour that counts, too
@@ -139,12 +140,13 @@ static Vec first_intervals(const JointState &start, const double *Q, std::size_t
         for (std::size_t j = 0; j < n; ++j)
             h[i] = std::max(h[i], std::fabs(Q[i * n + j] - from[j]) / limits.rates[0][j]);
     }
-    double along = 0.0, way = 0.0;  // the first interval is as long as the robot's own speed makes it
+    double along = 0.0, way = 0.0, speed = 0.0;  // the first interval is as long as the robot's own speed makes it
     for (std::size_t j = 0; j < n; ++j) {
         const double step = Q[j] - start.q[j];
-        along += step * start.v[j], way += step * step;
+        along += step * start.v[j], way += step * step, speed += start.v[j] * start.v[j];
     }
-    const double scale = along > 0.0 ? way / along / h[0] : 1.0;
+    // Of all of its speed: where little of it is along the step, the path would begin with a large loop.
+    const double scale = along > 0.0 ? std::min(std::sqrt(way / speed) / h[0], SLOWEST) : 1.0;
     for (double &each : h) each *= scale;
     std::partial_sum(h.begin(), h.end(), times.begin());
     JointState begin = start;

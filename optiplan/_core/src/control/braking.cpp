@@ -87,6 +87,8 @@ double Brakes::farthest(double v, double a, const JointStop &stop) const {
 double fastest(const Brakes &brakes, const StepRule &step, double room, double v, double low, double high) {
     if (brakes.limit == INF && brakes.jerk == INF)  // stops at once
         return std::min(std::max(room / (step.moves + step.lag), low), high);
+    if (high == INF) high = std::max(room, 0.0) / step.moves;  // a step alone takes all of the room
+    if (low == -INF) low = std::min({v, 0.0, high});           // none of it
     const double slow = brakes.limit < INF ? brakes.limit * (0.5 * brakes.limit / brakes.jerk + 2.0 * step.lag) : INF;
     const auto left = [&](double x) {
         const double a = (x - v) / step.dt;

@@ -45,12 +45,12 @@ double Drift::way(double t) const {
 
 double Drift::strongest(double begin, double end) const {
     const double t = std::min(end, until);
-    double bend = 0.0, speed = 0.0, power = 1.0;
+    double bend = 0.0, speed = 0.0, power = 1.0, before = 0.0;  // t^(k - 1), and the power before it
     for (std::size_t k = 1; k < coefficients.size(); ++k) {
         const double size = k * std::fabs(coefficients[k]);
         speed += size * power;
-        if (k > 1) bend += (k - 1) * size * (k > 2 ? power / t : 1.0);
-        power *= t;
+        bend += (k - 1) * size * before;
+        before = power, power *= t;
     }
     return begin < until && until < end ? bend + 2.0 * speed / (end - begin) : bend;
 }

@@ -150,10 +150,11 @@ bool overlap_within(const Shape &a, const Pose &X_WA, const Shape &b, const Pose
     if (a.kind > b.kind) return overlap_within(b, X_WB, a, X_WA, margin, features);
     const Pose X_AB = relative(X_WA, X_WB);
     const double within = margin + rounding_radius(a) + rounding_radius(b);
-    if (b.kind == Kind::half_space) return above(a, b, X_AB).distance <= within;
-    if (b.kind == Kind::mesh) return between_meshes(a, b, X_AB, within, within).distance <= within;
+    // Written so that shapes at no number are not apart.
+    if (b.kind == Kind::half_space) return !(above(a, b, X_AB).distance > within);
+    if (b.kind == Kind::mesh) return !(between_meshes(a, b, X_AB, within, within).distance > within);
     if (a.kind == Kind::sphere || (a.kind == Kind::capsule && b.kind == Kind::capsule))
-        return cores(a, b, X_AB, within).distance <= within;
+        return !(cores(a, b, X_AB, within).distance > within);
     return with_cores<bool>(a, b, [&](const auto &core_a, const auto &core_b) {
         const GjkResult found = gjk(difference_of(core_a, core_b, X_AB), within, within, features);
         const bool apart = found.status == GjkResult::Status::beyond_cutoff;

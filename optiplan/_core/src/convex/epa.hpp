@@ -96,7 +96,9 @@ template <class A, class B> class ExpandingPolytope {
             const Vec3 u = flat_normal_ = perpendicular(along), v = cross(along, u);
             if (!farthest({u, v, -u, -v}, off_line)) return false;
         }
-        const Vec3 c = cross(along, edge(0, 2)), n = (1.0 / norm(c)) * c;
+        // Of slender triangles rounding leaves a part along the edge, by which the edge's ends would lie off the plane.
+        const Vec3 c = cross(along, edge(0, 2)), upright = c - dot(c, along) * along;
+        const Vec3 n = (1.0 / norm(upright)) * upright;
         if (vertices_.size() > 3 && std::fabs(dot(n, edge(0, 3))) <= least) vertices_.resize(3);
         if (vertices_.size() == 3) {
             flat_normal_ = n;
