@@ -45,11 +45,12 @@ core: $(RUN) ## build the native core into the checkout (needs a C++ compiler; p
 	@$(MAKE) --no-print-directory $(CORE)
 
 # One installation instead of one for each extra, and beside it what needs no library: make -j3 environment
+# Of 16,000 modules the tests import a third, by which those are compiled: pip compiles none.
 environment: $(VENV)/.environment-stamp $(CORE) browser ## all that test, lint and docs need (-j3: at the same time)
 
 $(VENV)/.environment-stamp: pyproject.toml constraints.txt | $(TOOLS)
 	@echo "installing optiplan, its libraries and what tests, linters and pages need"
-	$(PIP) --no-compile --editable '.[test,dev,docs]'  # of 16,000 modules the tests import a third, which compiles them
+	$(PIP) --no-compile --editable '.[test,dev,docs]'
 	@$(BIN)/python -m compileall -q optiplan
 	@touch $(RUN) && touch $(TEST) $(DEV) $(DOCS) $@
 

@@ -202,7 +202,7 @@ def test_one_runner_a_folder(write_suite, tmp_path):
 
 
 def test_a_full_disk_is_told_and_loses_nothing(write_suite, tmp_path, run):
-    path = write_suite(count=4, repetitions=20)
+    path = write_suite(count=4, repetitions=10)
     suite = load_suite(path, tmp_path / "files")
     with open_results(suite, tmp_path / "out") as store:
         pages = store.query("PRAGMA page_count")[0][0]
@@ -212,7 +212,7 @@ def test_a_full_disk_is_told_and_loses_nothing(write_suite, tmp_path, run):
         there = len(store.done())
     assert 0 < there < 30
     done, rows = run(path)
-    assert (done.found, len(rows)) == (there, 80)
+    assert (done.found, len(rows)) == (there, 40)
 
 
 def test_where_storing_fails_nothing_goes_on(write_suite, tmp_path):
