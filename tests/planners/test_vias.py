@@ -172,6 +172,16 @@ def test_rounded_corners_stay_within_the_deviation_of_straight_lines():
     assert max(np.abs(lines - q).max(axis=1).min() for q in Q) < 0.02 + 2e-3
 
 
+@pytest.mark.parametrize("apart", [1e-8, 1e-5, 1e-3])
+def test_where_there_is_hardly_room_to_round_a_corner_it_stops(apart):
+    """Two vias side by side: at the speed of their corners the motion took minutes."""
+    one, two = (problem(*(Via(JointGoal(FIRST + shift)) for shift in shifts)) for shifts in ([0.0], [0.0, apart]))
+    turned = derived(two, vias=(two.vias[0], Via(JointGoal(FIRST + apart * np.array([1.0, -1, 1, -1, 1, -1, 1])))))
+    alone, beside = (answer("rounded", each) for each in (one, turned))
+    assert beside.duration < 1.5 * alone.duration
+    assert vias(turned, beside).worst < 1e-9
+
+
 def test_a_via_out_of_reach_is_named():
     far = PoseGoal("panda_hand_tcp", cases.too_far().goal[0].X_WG)
     failure = answer("spline", problem(Via(JointGoal(FIRST)), Via(far)))

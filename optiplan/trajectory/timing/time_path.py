@@ -23,10 +23,9 @@ __all__ = ["TimingOptions", "ToolLimits", "compose", "time_path"]
 
 Method = Literal["toppra", "jerk", "uniform"]
 
-_PARTS = 160  # of the grid along a path, at least, that a smooth law starts from
-_PARTS_FASTEST = 800  # of that of the fastest law, which is as good as its grid is fine
-_PARTS_OF_PIECE = 4  # of each of its pieces, but not where that would make more than _MOST_PARTS
-_MOST_PARTS = 2000
+_PARTS = 160, 4  # of the grid along a path and of each of its pieces, at least, that a smooth law starts from
+_PARTS_FASTEST = 800, 32  # of that of the fastest law, which is as good as its grid is fine
+_MOST_PARTS = 2000  # above which pieces have no least number
 _ROUNDS, _BEYOND = 6, 1e-3  # of halving parts; share of a limit by which a law may exceed it between points of the grid
 _EASED, _BEYOND_LIMITS = 4, 1e-3  # laws, each slower where the one before passed limits by more than this share
 _PLACES, _AROUND = 401, 2  # of a path, at which laws are made slower; and as many to either side
@@ -184,11 +183,11 @@ def _refined(rows: Callable[[Array], Rows], grid: Array, stop: Callable[[], bool
     return law
 
 
-def _grid(path: Trajectory, least_parts: int, options: TimingOptions) -> Array:
+def _grid(path: Trajectory, least: tuple[int, int], options: TimingOptions) -> Array:
     """Increasing parameters (k,) at which a law looks at the path; among them all breakpoints and ends of parts."""
     h = np.diff(path.breakpoints)
-    least = max(1, min(_PARTS_OF_PIECE, _MOST_PARTS // len(h)))
-    parts = np.maximum(least, np.ceil(h * (least_parts / path.duration))).astype(int)
+    of_piece = max(1, min(least[1], _MOST_PARTS // len(h)))
+    parts = np.maximum(of_piece, np.ceil(h * (least[0] / path.duration))).astype(int)
     ends = zip(path.breakpoints[:-1], path.breakpoints[1:], parts, strict=True)
     inner = [np.linspace(a, b, k + 1)[1:] for a, b, k in ends]
     return distinct(np.concatenate([[0.0], *inner, path.duration * _part_ends(options)]))  # of tiny pieces too

@@ -1,6 +1,7 @@
 """`time_path`: the path is not changed, every limit holds, and it is nearly as fast as can be."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -11,7 +12,7 @@ from scipy.spatial import cKDTree
 from optiplan.errors import UnknownChoiceError
 from optiplan.problem.problem import JointGoal, derived
 from optiplan.robot.robot import load_robot
-from optiplan.trajectory.paths.corners import blend_path
+from optiplan.trajectory.paths.corners import bezier_corners, blend_path
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.timing.path_constraints import rows_at, tool_motion
 from optiplan.trajectory.timing.reachability import fastest_law, slowness
@@ -116,6 +117,16 @@ def test_nothing_is_faster_than_toppra(panda, seed):
     path, limits = winding(seed), replace(panda.limits, torque=np.full(panda.n, np.inf))
     fast, smooth = (time_path(path, panda, limits, TimingOptions(method)).duration for method in ("toppra", "jerk"))
     assert fast < smooth
+
+
+def test_past_small_corners_toppra_is_as_fast_as_on_a_grid_without_end(panda):
+    limits = replace(panda.limits, torque=np.full(panda.n, np.inf))
+    middle, half = 0.5 * (limits.upper + limits.lower), 0.2 * (limits.upper - limits.lower)
+    points = middle + half * np.random.default_rng(0).uniform(-1.0, 1.0, (12, panda.n))
+    path = bezier_corners(points, np.full(10, 0.01), limits, panda.joint_names)
+    grid = np.concatenate([np.linspace(a, b, 2000)[:-1] for a, b in pairwise(path.breakpoints)])
+    best = fastest_law(rows_at(path, panda, limits, None, np.append(grid, path.duration))).duration
+    assert best <= time_path(path, panda, limits, TimingOptions("toppra")).duration < 1.005 * best
 
 
 def test_slowness_is_that_of_the_motion_between_the_points_of_the_grid(panda):
