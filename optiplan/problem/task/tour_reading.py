@@ -146,8 +146,10 @@ def _target(spec: TargetSpec, tour: TourSpec, frame: str) -> Target:
     X = pose_of(spec) if spec.axis is None else pin.SE3(_along(np.array(spec.axis, float)), np.array(spec.position))
     back = np.zeros(3)
     back["xyz".index(free or "z")] = -tour.standoff
-    off = np.repeat([tour.tolerance.position, tour.tolerance.orientation], 3)
-    low, high = -off, off.copy()
+    turn = tour.tolerance.orientation
+    turn /= 1.0 if turn >= np.pi else np.sqrt(3.0 if free is None else 2.0)
+    off = np.repeat([tour.tolerance.position / np.sqrt(3.0), turn], 3)
+    low, high = -off, off.copy()  # as of a pose, no place of the region is farther off than the tolerance
     if free is not None:
         low[3 + "xyz".index(free)], high[3 + "xyz".index(free)] = -np.inf, np.inf
     goal = RegionGoal(frame, X * pin.SE3(np.eye(3), back), pin.SE3.Identity(), low, high)

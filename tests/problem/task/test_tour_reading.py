@@ -5,6 +5,7 @@ import pytest
 
 import optiplan as op
 from optiplan.errors import InputError
+from optiplan.geometry.poses import pose_error
 from optiplan.problem.load import load_problem, problem_from_dict
 
 DOWN = {"axis": [0, 0, -1]}
@@ -27,6 +28,15 @@ def test_a_target_is_a_region_about_its_axis():
     assert goal.free == (2,)
     assert np.allclose(goal.X_WR.rotation[:, 2], [0.6, 0, -0.8])
     assert np.allclose(goal.X_WR.translation, np.array([0.4, -0.2, 0.3]) - 0.02 * np.array([0.6, 0, -0.8]))
+
+
+@pytest.mark.parametrize("turned", [{"axis": [0.6, 0, -0.8]}, {"rpy": [0.2, 0.1, 0.3]}])
+def test_no_corner_of_a_target_is_farther_off_than_its_tolerance(turned):
+    target = {"position": [0.4, 0.2, 0.3], **turned}
+    tour = problem(target, tolerance={"position": 1e-3, "orientation": 1e-2}).task[0].action
+    goal = tour.targets[0].goal
+    corner = pose_error(goal.X_WR, goal.pose(np.where(np.isfinite(goal.high), goal.high, 0.0)))
+    assert corner == pytest.approx((1e-3, 1e-2), rel=1e-3)
 
 
 def test_file_csv_and_python_are_one_problem(tmp_path):
