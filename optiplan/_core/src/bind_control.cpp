@@ -113,8 +113,8 @@ void bind_control(nb::module_ &m) {
             },
             "first"_a, "last"_a)
         .def(
-            "carry",
-            [](StopPath &self, const Matrix &coefficients, const Vector &until, double horizon) {
+            "carrying",
+            [](StopPath path, const Matrix &coefficients, const Vector &until, double horizon) {
                 const std::size_t count = until.size(), size = coefficients.shape(1);
                 expect(coefficients.shape(0) == count, "coefficients (k, powers), until (k,)");
                 std::vector<Drift> drifts(count);
@@ -122,7 +122,8 @@ void bind_control(nb::module_ &m) {
                     const double *row = coefficients.data() + k * size;
                     drifts[k] = {{row, row + size}, until.data()[k]};
                 }
-                self.carry(std::move(drifts), horizon);
+                path.carry(std::move(drifts), horizon);
+                return path;
             },
             "coefficients"_a, "until"_a, "horizon"_a)
         .def(

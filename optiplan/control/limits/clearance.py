@@ -232,9 +232,8 @@ class ClearanceLimit(StopLimit):
             if not self.still:
                 path = PathAmongMoving(path, self._obstacles, t, self._placed)
             return super().stop_is_clear(path, start, least, t)
-        if not self.still:
-            path.native.carry(*self._obstacles.coefficients(t), HORIZON)
-        return self._watch.stop_is_clear(path.native, start, least)
+        native = path.native if self.still else path.native.carrying(*self._obstacles.coefficients(t), HORIZON)
+        return self._watch.stop_is_clear(native, start, least)
 
     def ahead(self, path: StopPath, t: float) -> Array:
         """See `StopLimit.ahead`; every EVERY s for HORIZON."""

@@ -84,9 +84,22 @@ def test_views_rows_and_stops_agree(monkeypatch, panda, bound):
         limit._watch = watch
         among = PathAmongMoving(path, limit._obstacles, t, limit._placed)
         verdict = StopLimit.stop_is_clear(limit, among, python, least, t)
-        verdicts.append(limit.stop_is_clear(path, native, least, t))  # which lets the path carry the obstacles itself
+        verdicts.append(limit.stop_is_clear(path, native, least, t))
+        assert path.way.shape == path.end.shape == (7,)  # as before, for the limits that follow
         assert verdict == verdicts[-1]
     assert 3 < sum(verdicts) < 27, "both answers are worth comparing"
+
+
+def test_limits_of_two_scenes_stand_beside_each_other(panda):
+    cart = op.Box("cart", size=(0.1, 0.1, 0.1), position=(0.75, 0.0, 0.5)).moving([[0.0, -0.05], [0.0], [0.0]])
+    post = op.Box("post", size=(0.1, 0.1, 0.1), position=(0.55, 0.3, 0.5))
+    both = [op.ClearanceLimit(op.Scene([body]), at_least=0.02) for body in (cart, post)]
+    controller = op.Controller(panda, [op.PostureTask("ready")], limits=[*op.Controller(panda, []).limits, *both])
+    state = op.State(panda.configurations["ready"], v=[0.4, 0.6, 0.0, 0.3, 0.0, 0.2, 0.0])
+    for _ in range(30):
+        step = controller.step(state, 0.002)
+        state = step.state
+        assert step.status == "tracking"
 
 
 def test_what_lies_ahead_of_a_stop_is_where_obstacles_were_seen_last(panda):
