@@ -89,6 +89,18 @@ def test_what_stands_in_its_way_for_good_is_named():
     assert found.failure.witness["step"] == 2
 
 
+def test_what_has_come_to_stand_is_in_the_way_of_later_steps(alone):
+    """It stops on the way back before the arm begins it; nothing moves any more by then."""
+    last = alone.trajectory.segments[-1]
+    place = hand(alone.trajectory(0.5 * (last.begin + last.end)))
+    ball = op.Sphere("ball", 0.05, position=(*place[:2], place[2] + 3.0)).moving([[0], [0], [0, -6.0]], until=0.5)
+    found = op.plan(task(ball, steps=[STEPS[0], {"dwell": 1.0}, STEPS[2]]), budget=10.0)
+    assert found.failure is not None, found.report
+    assert found.failure.kind == "collision"
+    assert "'ball'" in found.failure.detail
+    assert found.failure.witness["step"] == 3
+
+
 def test_what_moves_cannot_be_taken_by_an_arm_that_rests():
     with pytest.raises(op.InputError, match=r"'ball', which moves, while the arm does not go with it"):
         task(sweeping(0.1, 0.9), steps=[{"attach": {"object": "ball", "link": "panda_hand"}}])
