@@ -16,6 +16,7 @@ from optiplan.problem.problem import derived
 from optiplan.resources import problems_dir
 from optiplan.robot.frames import frame_pose
 from optiplan.verify.verify import verify
+from tests.planned import planned_until
 
 SIDES = ("front middle", "back middle", "left high", "right low")
 PLATE = "table/plate"
@@ -42,7 +43,7 @@ def problem(data):
 
 @pytest.fixture(scope="module")
 def run(problem):
-    found = op.plan(problem, budget=2.0)
+    found = planned_until(problem, seconds=20.0)
     assert found.verified, (found.failure, found.report)
     return found
 
