@@ -56,6 +56,8 @@ def defect(joint_names: tuple[str, ...], breakpoints: Array, coefficients: Array
 def lasting(breakpoints: Array, coefficients: Array) -> tuple[Array, Array]:
     """Return breakpoints (m + 1,) and coefficients (m, …) without pieces whose two times rounding has made one."""
     lasts = np.diff(breakpoints) > 0.0
+    if lasts.all():
+        return breakpoints, coefficients
     return breakpoints[np.append(True, lasts)], coefficients[lasts]
 
 

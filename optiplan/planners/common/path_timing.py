@@ -6,6 +6,7 @@ from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import first_contact
+from optiplan.planners.common.tolerances import NO_MOTION
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.timing.torque_scaling import torque_scale
@@ -13,7 +14,6 @@ from optiplan.trajectory.trajectory import Trajectory
 
 _SHRINK = 0.5
 _SHARPEST = 0.01  # share of half a segment: smallest corner that is rounded
-_SAME_POINT = 1e-9  # rad or m: between nearer points there is no room to round a corner
 
 
 def timed_path(model: CollisionModel, waypoints: Array, limits: Limits, budget: Budget) -> Trajectory | None:
@@ -31,7 +31,7 @@ def timed_path(model: CollisionModel, waypoints: Array, limits: Limits, budget: 
     """
     robot = model.robot
     stops = stopping(robot, limits, waypoints)
-    distinct = (np.abs(np.diff(waypoints, axis=0)) > _SAME_POINT).any(axis=1)
+    distinct = (np.abs(np.diff(waypoints, axis=0)) > NO_MOTION).any(axis=1)  # between others no corner has room
     if stops is None or not distinct.any():
         return stops
     corners = waypoints[np.concatenate([[True], distinct])]

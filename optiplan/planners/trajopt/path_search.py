@@ -122,14 +122,15 @@ class PathSearch:
         Where none is found at a glance, one between thinner obstacles is, and the curve from it mostly leaves them; it
         is often the shorter one. Return why the last search found no path, if so.
         """
-        failure: Failure | None = None
         if self.incumbent.candidates or self.searches or self._on_constraints.apply:
-            return failure
+            return None
+        failure: Failure | None = None
         for depth, work in _AT_ONCE:
             path = self._between_thinner(sampler, depth, work) if depth else self._between_real(sampler, work)
-            failure = path if isinstance(path, Failure) else None
-            if isinstance(path, SampledPath):
-                self.found = path
+            if isinstance(path, Failure):
+                failure = path
+            else:
+                self.found, failure = path, None
             if self.incumbent.candidates:
                 break
         return failure

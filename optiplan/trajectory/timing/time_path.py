@@ -214,9 +214,10 @@ def _held(path: Trajectory, law: Trajectory, robot: Robot, limits: Limits, optio
     """Run a path by a law and scale that as a whole to the limits; None where gravity is too much."""
     trajectory = compose(path, law)
     slower = tool_scale(robot, options.tool, trajectory)
-    t, s = _samples(law, trajectory, options)
-    for begin, end, tool in options.tool_parts:
-        slower = max(slower, tool_scale(robot, tool, trajectory, t[_inside(s, begin, end)]))
+    if options.tool_parts:
+        t, s = _samples(law, trajectory, options)
+        for begin, end, tool in options.tool_parts:
+            slower = max(slower, tool_scale(robot, tool, trajectory, t[_inside(s, begin, end)]))
     fitted = scale_to_limits(trajectory, limits, slower)
     slower = torque_scale(robot, limits.torque, fitted)
     return fitted.scaled(fitted.duration * slower) if np.isfinite(slower) else None

@@ -1,11 +1,11 @@
 // Edits of texts and of the studio, made by the hundred for its tests.
-const everyEdit = (text, every, from) => { // of every so-many-th value
+const everyEdit = (text) => {
   const { set, add, remove, applied } = ProblemText, read = (text) => CM.parseDocument(text).toJS(), wrong = [];
   const near = (key, value) => typeof value === "number" ? Number(value.toPrecision(7)) : value;
   const same = (a, b) => JSON.stringify(a, near) === JSON.stringify(b, near);
   const comments = (text) => (text.match(/#.*/g) || []).length, whole = read(text);
   const some = (keys, list) => (list && keys.length > 4 ? [0, 1, keys.length - 1].map((k) => keys[k]) : keys); // of a long list, both ends
-  let count = 0, number = 0;
+  let count = 0;
   function changed(path, act) {
     const copy = structuredClone(whole);
     act(path.slice(0, -1).reduce((one, key) => one[key], copy), path.at(-1));
@@ -18,7 +18,7 @@ const everyEdit = (text, every, from) => { // of every so-many-th value
     return after;
   }
   function visit(value, path) {
-    if (path.length && number++ % every === from) {
+    if (path.length) {
       const inner = value && typeof value === "object" && !Array.isArray(value) && Object.keys(value).length ? value : {};
       if (typeof value === "number") {
         const after = expect("number", path, set(text, path, value + 0.125), changed(path, (of, key) => { of[key] = value + 0.125; }));
@@ -49,7 +49,7 @@ const randomEdits = (seed) => {
     Object.assign(state, { valid, drawn });
   };
   let edits = 0, written = 0; // all, and those of the scene that changed the text
-  while (edits < 300) {
+  while (edits < 1000) {
     const sound = ProblemText.sound(editor.text()), act = sound || random() < 0.3 ? Math.floor(random() * 7) : 5;
     const at = Math.floor(random() * editor.view.state.doc.length);
     const pose = [0.4 + random(), random() - 0.5, random(), 0, 0, Math.sin(random()), 1];
