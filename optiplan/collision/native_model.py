@@ -142,8 +142,7 @@ class NativeCollisionModel(CollisionModel):
 
     def _beyond(self, q: Array, error: Array) -> Flags:
         """Return which joints (n,) leave their limits of position where they are off q by up to `error` (n,)."""
-        own, limits = q[: self.robot.n], self.robot.limits
-        return (own - error < limits.lower) | (own + error > limits.upper)
+        return self.robot.limits.outside(q[: self.robot.n], error)
 
     def clearance(self, q: Array) -> Contact | None:
         """See `CollisionModel.clearance`."""

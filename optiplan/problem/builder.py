@@ -299,7 +299,7 @@ class Compiler:
 
     def _within_limits(self, robot: Robot, place: Place, q: Array) -> bool:
         lower, upper = robot.limits.lower, robot.limits.upper
-        outside = np.flatnonzero(~((q >= lower) & (q <= upper))).tolist()
+        outside = np.flatnonzero(robot.limits.outside(q)).tolist()
         for j in outside:
             at = (*place, j) if place[-1] in ("joints", "joints_deg") else place
             degrees = place[-1] == "joints_deg" and bool(robot.revolute[j])

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array, ReadOnlyArrays, read_only
+from optiplan.arrays import Array, Flags, ReadOnlyArrays, read_only
 from optiplan.config.document import Document
 from optiplan.config.messages import choices
 from optiplan.errors import InputError, Issue
@@ -69,6 +69,14 @@ class Limits(ReadOnlyArrays):
     def stroke(self) -> Array:
         """How far each joint is from 0 at most (n,), rad or m; `UNBOUNDED` of one without bounds."""
         return np.minimum(np.maximum(np.abs(self.lower), np.abs(self.upper)), UNBOUNDED)
+
+    def outside(self, Q: Array, off: Array | float = 0.0) -> Flags:
+        """Return which positions of Q (..., n), rad or m, may be outside where they are `off` by up to so much.
+
+        A negative `off` is a tolerance. NaN is outside.
+        """
+        inside: Flags = (Q - off >= self.lower) & (Q + off <= self.upper)
+        return ~inside
 
     def range_about(self, low: Array | float, high: Array | float) -> tuple[Array, Array]:
         """Return position limits (n,), (n,), rad or m; π below `low` and above `high` where a joint has none."""

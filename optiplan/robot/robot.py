@@ -332,7 +332,7 @@ class Robot(RobotParts):
         bare, fixed = self._dismounted(), {name: float(value) for name, value in values.items()}
         own = self.limits.of_joints([self.joint_names.index(name) for name in fixed])
         q = np.array(list(fixed.values()))
-        if ((q < own.lower - BEYOND) | (q > own.upper + BEYOND)).any():
+        if own.outside(q, -BEYOND).any():
             bare = bare.with_proved_checked()
         return replace(bare, **held_parts(bare, fixed)).mounted(self.mounting)
 

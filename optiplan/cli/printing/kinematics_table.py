@@ -37,7 +37,7 @@ def describe(robot: Robot, q: Array, velocity: Array | None = None) -> dict[str,
     X_WF, J = frame_pose(robot, q, robot.tool_frame), geometric_jacobian(robot, q, robot.tool_frame)
     analytic, reason = _analytic(robot, q)
     rank = int((np.linalg.svd(J, compute_uv=False) > SINGULAR).sum())
-    outside = (q < robot.limits.lower) | (q > robot.limits.upper)
+    outside = robot.limits.outside(q)
     data: dict[str, Any] = {
         "robot": robot.name,
         "group": robot.group,

@@ -202,5 +202,5 @@ def within_limits(motion: Trajectory, limits: Limits) -> bool:
     hull = q + np.array(
         [0.0 * v, h * v / 3.0, h * (2.0 * v / 3.0 + h * a / 6.0), h * (v + h * (0.5 * a + h * j / 6.0))]
     )
-    reached = (hull >= limits.lower).all() and (hull <= limits.upper).all()
-    return bool(reached and (speed <= limits.velocity * (1.0 + VerifyPolicy.limit_tolerance)).all())
+    most = limits.velocity * (1.0 + VerifyPolicy.limit_tolerance)
+    return bool(not limits.outside(hull).any() and (speed <= most).all())

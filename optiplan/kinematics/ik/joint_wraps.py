@@ -41,7 +41,7 @@ def images_within(robot: Robot, limits: Limits, Q: Array, near: Array) -> Array:
     farther = np.stack([-steps, steps], axis=1).reshape(-1, robot.n)
     every = (base + np.concatenate([np.zeros((1, robot.n)), farther])[:, None]).reshape(-1, robot.n)
     every = _on_limits(limits, every)
-    return np.asarray(every[((every >= limits.lower) & (every <= limits.upper)).all(axis=1)])
+    return np.asarray(every[~limits.outside(every).any(axis=1)])
 
 
 def whole_turns(robot: Robot, q: Array, near: Array, count: int, moving: Flags | None = None) -> list[Array]:

@@ -75,7 +75,7 @@ def inverse_kinematics(robot: Robot, frame: str, X_WG: pin.SE3, seeds: Iterable[
         return solve_ik(robot, frame, X_WG, chain([] if first is None else [first], rest), options)
     found = closed.solve(X_WG.homogeneous[None])
     starts = [whole_turns(robot, q, first, 1)[0] for q in found.q[0]]
-    inside = [q for q, valid in zip(starts, found.valid[0], strict=True) if valid and _within(robot, q)]
+    inside = [q for q, valid in zip(starts, found.valid[0], strict=True) if valid and not robot.limits.outside(q).any()]
     if inside and not found.singular[0, found.valid[0]].any():
         return solve_ik(robot, frame, X_WG, inside, options)
     return solve_ik(robot, frame, X_WG, chain(inside, starts, [first], rest), options)
@@ -131,17 +131,13 @@ def _branches(robot: Robot, near: Array, all_of: Solutions) -> list[Solution]:
 
 def _solution(robot: Robot, q: Array, near: Array, branch: str, error: tuple[float, float]) -> Solution:
     best = whole_turns(robot, q, near, 1)[0]
-    return Solution(best, branch, _within(robot, best), error, (), images(robot, q, near))
-
-
-def _within(robot: Robot, q: Array) -> bool:
-    return bool(((q >= robot.limits.lower) & (q <= robot.limits.upper)).all())
+    return Solution(best, branch, not robot.limits.outside(best).any(), error, (), images(robot, q, near))
 
 
 def _reason(robot: Robot, frame: str, found: list[Solution], miss: IkResult) -> str:
     least = f"the nearest pose within them misses by {miss.position_error:.3g} m and {miss.orientation_error:.3g} rad"
     if found:
-        low, high = robot.limits.lower, robot.limits.upper
-        broken = [name for j, name in enumerate(robot.joint_names) if not low[j] <= found[0].q[j] <= high[j]]
+        outside = robot.limits.outside(found[0].q)
+        broken = [name for name, broken in zip(robot.joint_names, outside, strict=True) if broken]
         return f"every branch breaks joint limits (the nearest those of {', '.join(broken)}); {least}"
     return f"no configuration puts '{frame}' at this pose; within the joint limits, {least.replace(' within them', '')}"

@@ -115,7 +115,7 @@ class Rungs:
     def _kept(self, Q: Array, s: float) -> Array:
         """Return those that are free, one of each cell."""
         limits = self.problem.limits
-        Q = Q[((Q >= limits.lower) & (Q <= limits.upper)).all(axis=1)]
+        Q = Q[~limits.outside(Q).any(axis=1)]
         for where, q in self.barred:
             if abs(where - s) < 0.05:
                 Q = Q[np.abs(Q - q).max(axis=1, initial=0.0) > 0.3]
@@ -169,7 +169,7 @@ class Rungs:
         way = np.where(self.problem.robot.whole_turns, way - _TURN * np.round(way / _TURN), way)
         share = (np.abs(way) / (limits.velocity * seconds)).max(axis=2, initial=0.0)
         there = before[:, None] + way
-        share[((there < limits.lower) | (there > limits.upper)).any(axis=2)] = np.inf
+        share[limits.outside(there).any(axis=2)] = np.inf
         soon = share <= max(1.0, float(share.min(initial=np.inf)))
         i, k = np.nonzero(soon)
         found = before[i] + way[i, k]

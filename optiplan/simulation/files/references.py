@@ -113,7 +113,7 @@ def _step(control: ControlFile, spec: StepSpec) -> StepReference:
     elif spec.joint is not None and spec.by is not None:
         end[control.robot.joint_names.index(spec.joint)] += spec.by
     limits = control.robot.limits
-    outside = np.flatnonzero((end < limits.lower) | (end > limits.upper))
+    outside = np.flatnonzero(limits.outside(end))
     if len(outside):
         j = int(outside[0])
         found = f"{control.robot.joint_names[j]} = {end[j]:.6g}, outside its limits"

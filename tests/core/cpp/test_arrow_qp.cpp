@@ -6,7 +6,7 @@ namespace optiplan::test_arrow_qp {
 
 static ArrowProgram program() {
     ArrowProgram p;
-    p.points = 6, p.joints = LANES;
+    p.points = 6, p.joints = OCTET;
     const std::size_t size = p.size();
     p.hessian.assign(size * REACH, 0.0), p.gradient.resize(size), p.low.assign(size, -0.5), p.high.assign(size, 0.7);
     for (std::size_t i = 0; i < p.points; ++i)

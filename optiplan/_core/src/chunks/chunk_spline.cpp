@@ -189,9 +189,7 @@ static void append_stop_from(Curve &curve, const JointState &state, const JointL
     }
 }
 
-void append_stop(Curve &curve, const JointLimits &limits, double share) {
-    append_stop_from(curve, end_of(curve), limits, share);
-}
+void append_stop(Curve &curve, const JointLimits &limits) { append_stop_from(curve, end_of(curve), limits, 1.0); }
 
 Curve stop_from(const JointState &state, const JointLimits &limits, double share) {
     Curve made{{0.0}, {}, 3, static_cast<int>(state.q.size())};

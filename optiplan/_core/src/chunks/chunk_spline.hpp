@@ -52,10 +52,10 @@ class ChunkSpline {
 // Where a curve ends.
 JointState end_of(const Curve &curve);
 
-// Lets every joint stop as fast as `share` of its limits of acceleration and jerk allows after the end of a curve.
-void append_stop(Curve &curve, const JointLimits &limits, double share = 1.0);
+// Lets every joint stop as fast as its limits of acceleration and jerk allow after the end of a curve.
+void append_stop(Curve &curve, const JointLimits &limits);
 
-// The same from a state: a curve without pieces before it.
+// The same from a state, with a `share` of the limits: a curve without pieces before it.
 Curve stop_from(const JointState &state, const JointLimits &limits, double share = 1.0);
 
 }  // namespace optiplan

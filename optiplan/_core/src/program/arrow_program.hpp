@@ -34,7 +34,7 @@ struct SoftRows {
 // Minimise  1/2 x' H x + gradient . x + gradient_t t + price . s + regularisation  within box, derivative and soft
 // rows. x (M n,): M control points of n joints, one control point after another.
 struct ArrowProgram {
-    std::size_t points = 0, joints = 0;  // M, n, which must be a multiple of LANES
+    std::size_t points = 0, joints = 0;  // M, n, which must be a multiple of OCTET
     Vec hessian;   // (M, REACH, n): entry (i, d, j) couples joint j of control points i and i + d
     Vec gradient;  // (M n,)
     double gradient_t = 1.0;

@@ -11,9 +11,9 @@ constexpr double NEAR_PATH = 1.5;  // times the gap aimed at, below which it is 
 
 constexpr double TO_BOUNDARY = 0.99;  // share of the way to the nearest bound that a step may take
 
-double most(const Lanes &values) {
+double most(const Octet &values) {
     const double *first = reinterpret_cast<const double *>(&values);
-    return *std::max_element(first, first + LANES);
+    return *std::max_element(first, first + OCTET);
 }
 
 }  // namespace
@@ -53,7 +53,7 @@ void ArrowQp::prepare() {
     begin_[0] = 0;
     for (int kind = 0; kind < KINDS; ++kind) begin_[kind + 1] = begin_[kind] + counts[kind];
     total_ = begin_[KINDS];
-    matrix_.resize(size_, band_ / LANES);
+    matrix_.resize(size_, band_ / OCTET);
     for (Vec *rows : {&z_, &y_, &inverse_, &weight_, &shift_, &row_residual_, &moved_, &dz_, &dy_, &affine_})
         rows->assign(padded(total_), 0.0);
     for (Vec *each : {&x_, &dx_, &grad_, &bent_}) each->assign(size_ + band_, 0.0);
@@ -80,9 +80,9 @@ void ArrowQp::rows(const Vec &x, double t, const Vec &s, Vec &out) {
         sum_vectors(above, n, stencil.count,
                     [&](std::size_t k) { return std::pair{stencil.weights[k], x.data() + (stencil.first + k) * n}; });
         const double relief = rows.order[r] * t;
-        for (std::size_t j = 0; j < n; j += LANES) {
-            const Lanes value = lanes(above + j) * lanes(rows.weight.data() + r * n + j);
-            lanes(above + j) = value - relief, lanes(below + j) = -value - relief;
+        for (std::size_t j = 0; j < n; j += OCTET) {
+            const Octet value = octet(above + j) * octet(rows.weight.data() + r * n + j);
+            octet(above + j) = value - relief, octet(below + j) = -value - relief;
         }
     }
     for (std::size_t g = 0; g < p.soft.groups.size(); ++g) {
@@ -226,11 +226,11 @@ void ArrowQp::curved(const Vec &x, Vec &out) const {
     add_vectors(out.data(), p.regularisation, x.data(), size_);
     for (std::size_t i = 0; i < p.points; ++i)
         for (std::size_t d = 0; d < REACH && i + d < p.points; ++d)
-            for (std::size_t j = 0; j < n; j += LANES) {
-                const Lanes h = lanes(p.hessian.data() + (i * REACH + d) * n + j);
+            for (std::size_t j = 0; j < n; j += OCTET) {
+                const Octet h = octet(p.hessian.data() + (i * REACH + d) * n + j);
                 const std::size_t one = i * n + j, other = one + d * n;
-                lanes(out.data() + one) += h * lanes(x.data() + other);
-                if (d) lanes(out.data() + other) += h * lanes(x.data() + one);
+                octet(out.data() + one) += h * octet(x.data() + other);
+                if (d) octet(out.data() + other) += h * octet(x.data() + one);
             }
 }
 
@@ -243,12 +243,12 @@ void ArrowQp::advance(double step_z, double step_y) {
     add_vectors(z_.data(), step_z, dz_.data(), z_.size());
     add_vectors(y_.data(), step_y, dy_.data(), y_.size());
     gap_ = dot(z_.data(), y_.data(), total_);
-    for (std::size_t k = 0; k < row_residual_.size(); k += LANES) lanes(row_residual_.data() + k) *= 1.0 - step_z;
+    for (std::size_t k = 0; k < row_residual_.size(); k += OCTET) octet(row_residual_.data() + k) *= 1.0 - step_z;
     primal_ *= 1.0 - step_z;
     const double left = 1.0 - step_y, bent = step_z - step_y;
     curved(dx_, bent_);
-    for (std::size_t i = 0; i < size_; i += LANES)
-        lanes(grad_.data() + i) = left * lanes(grad_.data() + i) + bent * lanes(bent_.data() + i);
+    for (std::size_t i = 0; i < size_; i += OCTET)
+        octet(grad_.data() + i) = left * octet(grad_.data() + i) + bent * octet(bent_.data() + i);
     grad_t_ = left * grad_t_ + bent * p.regularisation_t * dt_;
     for (std::size_t g = 0; g < s_.size(); ++g) grad_s_[g] = left * grad_s_[g] + bent * p.regularisation_slack * ds_[g];
     dual_ = largest_gradient();
@@ -257,22 +257,22 @@ void ArrowQp::advance(double step_z, double step_y) {
 bool ArrowQp::factor() {
     const ArrowProgram &p = *p_;
     const std::size_t n = p.joints;
-    for (std::size_t k = 0; k < z_.size(); k += LANES) {
-        lanes(inverse_.data() + k) = 1.0 / lanes(z_.data() + k);
-        lanes(weight_.data() + k) = lanes(y_.data() + k) * lanes(inverse_.data() + k);
+    for (std::size_t k = 0; k < z_.size(); k += OCTET) {
+        octet(inverse_.data() + k) = 1.0 / octet(z_.data() + k);
+        octet(weight_.data() + k) = octet(y_.data() + k) * octet(inverse_.data() + k);
     }
     matrix_.clear();
     matrix_.corner = p.regularisation_t + weight_[begin_[LOW_T]] + weight_[begin_[HIGH_T]];
     diagonals_ = p.hessian;
     add_derivatives();
-    const std::size_t tiles = n / LANES, diagonal = LANES + 1;
+    const std::size_t tiles = n / OCTET, diagonal = OCTET + 1;
     for (std::size_t i = 0; i < p.points; ++i)
         for (std::size_t d = 0; d < REACH && i + d < p.points; ++d)
             for (std::size_t j = 0; j < n; ++j)
-                matrix_.tile(i * tiles + j / LANES, d * tiles)[j % LANES * diagonal] =
+                matrix_.tile(i * tiles + j / OCTET, d * tiles)[j % OCTET * diagonal] =
                     diagonals_[(i * REACH + d) * n + j];
     for (std::size_t i = 0; i < size_; ++i)
-        matrix_.tile(i / LANES, 0)[i % LANES * diagonal] +=
+        matrix_.tile(i / OCTET, 0)[i % OCTET * diagonal] +=
             p.regularisation + weight_[begin_[LOW] + i] + weight_[begin_[HIGH] + i];
     for (std::size_t g = 0; g < s_.size(); ++g) add_group(g);
     return matrix_.factor();
@@ -321,10 +321,10 @@ void ArrowQp::add_group(std::size_t g) {
     const std::size_t count = group.end - group.begin;
     std::size_t used = 0;
     const auto take = [&](double factor, const double *row, bool about_mean) {
-        for (std::size_t k = 0; k < stride; k += LANES) {
-            const Lanes centred = about_mean ? lanes(row + k) - lanes(mean + k) : lanes(row + k);
-            lanes(centred_.data() + used * stride + k) = centred;
-            lanes(weighted_.data() + used * stride + k) = factor * centred;
+        for (std::size_t k = 0; k < stride; k += OCTET) {
+            const Octet centred = about_mean ? octet(row + k) - octet(mean + k) : octet(row + k);
+            octet(centred_.data() + used * stride + k) = centred;
+            octet(weighted_.data() + used * stride + k) = factor * centred;
         }
         ++used;
     };
@@ -338,19 +338,19 @@ void ArrowQp::add_group(std::size_t g) {
 }
 
 void ArrowQp::product(std::size_t count, std::size_t stride, std::size_t column, std::size_t row, double *tile) const {
-    const double *left = weighted_.data() + column * LANES, *right = centred_.data() + row * LANES;
-    for (std::size_t from = 0; from < LANES; from += NATIVE) {  // as many columns as there are registers for
-        Lanes sum[NATIVE] = {};
+    const double *left = weighted_.data() + column * OCTET, *right = centred_.data() + row * OCTET;
+    for (std::size_t from = 0; from < OCTET; from += NATIVE) {  // as many columns as there are registers for
+        Octet sum[NATIVE] = {};
         for (std::size_t i = 0; i < count; ++i)
-            for (std::size_t a = 0; a < NATIVE; ++a) sum[a] += left[i * stride + from + a] * lanes(right + i * stride);
-        for (std::size_t a = 0; a < NATIVE; ++a) lanes(tile + (from + a) * LANES) = sum[a];
+            for (std::size_t a = 0; a < NATIVE; ++a) sum[a] += left[i * stride + from + a] * octet(right + i * stride);
+        for (std::size_t a = 0; a < NATIVE; ++a) octet(tile + (from + a) * OCTET) = sum[a];
     }
 }
 
 void ArrowQp::add_compact(const Group &group, std::size_t count) {
-    const std::size_t stride = p_->stride(group), tiles = p_->joints / LANES;
+    const std::size_t stride = p_->stride(group), tiles = p_->joints / OCTET;
     const auto &weights = group.over.weights;
-    double tile[LANES * LANES];
+    double tile[OCTET * OCTET];
     for (std::size_t a = 0; a < tiles; ++a)
         for (std::size_t b = 0; b < tiles; ++b) {
             product(count, stride, a, b, tile);
@@ -359,33 +359,33 @@ void ArrowQp::add_compact(const Group &group, std::size_t count) {
                     const double weight = weights[k] * weights[k + d];
                     if (weight == 0.0) continue;
                     add_vectors(matrix_.tile((group.over.first + k) * tiles + a, d * tiles + b - a), weight, tile,
-                                LANES * LANES);
+                                OCTET * OCTET);
                 }
         }
 }
 
 void ArrowQp::add_wide(const Group &group, std::size_t count) {
-    const std::size_t stride = p_->stride(group), tiles = p_->joints / LANES, t = p_->width(group) - 1;
+    const std::size_t stride = p_->stride(group), tiles = p_->joints / OCTET, t = p_->width(group) - 1;
     const std::size_t first = group.over.first * tiles, within = std::min(REACH * tiles, p_->points * tiles - first);
-    double tile[LANES * LANES];
+    double tile[OCTET * OCTET];
     for (std::size_t a = 0; a < within; ++a)
         for (std::size_t b = a; b < within; ++b) {
             product(count, stride, a, b, tile);
-            add_vectors(matrix_.tile(first + a, b - a), 1.0, tile, LANES * LANES);
+            add_vectors(matrix_.tile(first + a, b - a), 1.0, tile, OCTET * OCTET);
         }
     for (std::size_t i = 0; i < count; ++i) {
         const double *row = centred_.data() + i * stride, weighted = weighted_[i * stride + t];
-        add_vectors(matrix_.border.data() + first * LANES, weighted, row, within * LANES);
+        add_vectors(matrix_.border.data() + first * OCTET, weighted, row, within * OCTET);
         matrix_.corner += weighted * row[t];
     }
 }
 
 void ArrowQp::newton(double target, bool second) {
     const ArrowProgram &p = *p_;
-    for (std::size_t k = 0; k < z_.size(); k += LANES) {
-        const Lanes y = lanes(y_.data() + k), missed = lanes(row_residual_.data() + k) - lanes(z_.data() + k);
-        const Lanes wanted = target - (second ? lanes(affine_.data() + k) : Lanes{});
-        lanes(shift_.data() + k) = (wanted + y * missed) * lanes(inverse_.data() + k);
+    for (std::size_t k = 0; k < z_.size(); k += OCTET) {
+        const Octet y = octet(y_.data() + k), missed = octet(row_residual_.data() + k) - octet(z_.data() + k);
+        const Octet wanted = target - (second ? octet(affine_.data() + k) : Octet{});
+        octet(shift_.data() + k) = (wanted + y * missed) * octet(inverse_.data() + k);
     }
     dx_ = grad_;
     dt_ = grad_t_;
@@ -407,13 +407,13 @@ void ArrowQp::newton(double target, bool second) {
             (ds_[g] + mean_weight_[g] * dot(mean_.data() + mean_at(g), local_.data(), p.stride(group))) / damping_[g];
     }
     rows(dx_, dt_, ds_, moved_);
-    Lanes most_z = {}, most_y = {};
-    for (std::size_t k = 0; k < z_.size(); k += LANES) {
-        const Lanes moved = lanes(moved_.data() + k);
-        const Lanes dz = -lanes(row_residual_.data() + k) - moved,
-                    dy = lanes(shift_.data() + k) + lanes(weight_.data() + k) * moved;
-        lanes(dz_.data() + k) = dz, lanes(dy_.data() + k) = dy;
-        const Lanes ratio_z = -dz * lanes(inverse_.data() + k), ratio_y = -dy / lanes(y_.data() + k);
+    Octet most_z = {}, most_y = {};
+    for (std::size_t k = 0; k < z_.size(); k += OCTET) {
+        const Octet moved = octet(moved_.data() + k);
+        const Octet dz = -octet(row_residual_.data() + k) - moved,
+                    dy = octet(shift_.data() + k) + octet(weight_.data() + k) * moved;
+        octet(dz_.data() + k) = dz, octet(dy_.data() + k) = dy;
+        const Octet ratio_z = -dz * octet(inverse_.data() + k), ratio_y = -dy / octet(y_.data() + k);
         most_z = larger(most_z, ratio_z);
         most_y = larger(most_y, ratio_y);
     }
@@ -426,11 +426,11 @@ bool ArrowQp::step(double least_gap) {
     const double count = static_cast<double>(total_), now = gap_ / count;
     newton(0.0, false);
     const double primal = 1.0 / std::max(worst_z_, 1.0), dual = 1.0 / std::max(worst_y_, 1.0);
-    Lanes by_z = {}, by_y = {}, by_both = {};
-    for (std::size_t k = 0; k < z_.size(); k += LANES) {
-        const Lanes dz = lanes(dz_.data() + k), dy = lanes(dy_.data() + k), both = dz * dy;
-        lanes(affine_.data() + k) = both;
-        by_z += dz * lanes(y_.data() + k), by_y += lanes(z_.data() + k) * dy, by_both += both;
+    Octet by_z = {}, by_y = {}, by_both = {};
+    for (std::size_t k = 0; k < z_.size(); k += OCTET) {
+        const Octet dz = octet(dz_.data() + k), dy = octet(dy_.data() + k), both = dz * dy;
+        octet(affine_.data() + k) = both;
+        by_z += dz * octet(y_.data() + k), by_y += octet(z_.data() + k) * dy, by_both += both;
     }
     const double after = gap_ + primal * total(by_z) + dual * total(by_y) + primal * dual * total(by_both);
     const double ratio = std::max(after, 0.0) / gap_, target = std::max(now * ratio * ratio * ratio, least_gap / count);

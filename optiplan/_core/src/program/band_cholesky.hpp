@@ -9,17 +9,17 @@
 namespace optiplan {
 
 // [ K  k ]
-// [ k' d ]  with K (size, size), kept as tiles of LANES x LANES: tile(c, d) holds columns c LANES, … of K from row
-// (c + d) LANES on, for d < `reach`, one column after another. What lies beyond is zero. Tiles on the diagonal are
+// [ k' d ]  with K (size, size), kept as tiles of OCTET x OCTET: tile(c, d) holds columns c OCTET, … of K from row
+// (c + d) OCTET on, for d < `reach`, one column after another. What lies beyond is zero. Tiles on the diagonal are
 // whole.
 class BandArrow {
   public:
     Vec border;
     double corner = 0.0;
 
-    // `size`: a multiple of LANES.
+    // `size`: a multiple of OCTET.
     void resize(std::size_t size, std::size_t reach) {
-        count_ = size / LANES, reach_ = reach;
+        count_ = size / OCTET, reach_ = reach;
         tiles_.assign(count_ * reach * TILE, 0.0);
         border.assign(size, 0.0);
         solved_.assign(size, 0.0);
@@ -58,20 +58,20 @@ class BandArrow {
     }
 
   private:
-    static constexpr std::size_t TILE = LANES * LANES;
+    static constexpr std::size_t TILE = OCTET * OCTET;
 
     const double *tile(std::size_t c, std::size_t d) const { return tiles_.data() + (c * reach_ + d) * TILE; }
 
     // Columns of the factor in the tiles at and below a diagonal one, of which only what is below the diagonal stays.
     bool divide(std::size_t c, std::size_t below) {
-        for (std::size_t a = 0; a < LANES; ++a) {
-            double *column = tile(c, 0) + a * LANES;
+        for (std::size_t a = 0; a < OCTET; ++a) {
+            double *column = tile(c, 0) + a * OCTET;
             if (!(column[a] > 0.0)) return false;
-            const double inverse = inverse_[c * LANES + a] = 1.0 / std::sqrt(column[a]);
-            for (std::size_t d = 0; d < below; ++d) lanes(column + d * TILE) *= inverse;
-            for (std::size_t b = a + 1; b < LANES; ++b)
+            const double inverse = inverse_[c * OCTET + a] = 1.0 / std::sqrt(column[a]);
+            for (std::size_t d = 0; d < below; ++d) octet(column + d * TILE) *= inverse;
+            for (std::size_t b = a + 1; b < OCTET; ++b)
                 for (std::size_t d = 0; d < below; ++d)
-                    lanes(column + d * TILE + (b - a) * LANES) -= column[b] * lanes(column + d * TILE);
+                    octet(column + d * TILE + (b - a) * OCTET) -= column[b] * octet(column + d * TILE);
             std::fill_n(column, a + 1, 0.0);
         }
         return true;
@@ -79,40 +79,40 @@ class BandArrow {
 
     // target -= left right', where all three are kept column by column.
     static void subtract(const double *left, const double *right, double *target) {
-        for (std::size_t from = 0; from < LANES; from += NATIVE) {  // as many columns as there are registers for
-            Lanes sum[NATIVE];
-            for (std::size_t b = 0; b < NATIVE; ++b) sum[b] = lanes(target + (from + b) * LANES);
-            for (std::size_t a = 0; a < LANES; ++a)
+        for (std::size_t from = 0; from < OCTET; from += NATIVE) {  // as many columns as there are registers for
+            Octet sum[NATIVE];
+            for (std::size_t b = 0; b < NATIVE; ++b) sum[b] = octet(target + (from + b) * OCTET);
+            for (std::size_t a = 0; a < OCTET; ++a)
                 for (std::size_t b = 0; b < NATIVE; ++b)
-                    sum[b] -= left[a * LANES + from + b] * lanes(right + a * LANES);
-            for (std::size_t b = 0; b < NATIVE; ++b) lanes(target + (from + b) * LANES) = sum[b];
+                    sum[b] -= left[a * OCTET + from + b] * octet(right + a * OCTET);
+            for (std::size_t b = 0; b < NATIVE; ++b) octet(target + (from + b) * OCTET) = sum[b];
         }
     }
 
     void forward(double *x) const {
         for (std::size_t c = 0; c < count_; ++c) {
-            double *here = x + c * LANES;
-            for (std::size_t a = 0; a < LANES; ++a) {
-                here[a] *= inverse_[c * LANES + a];
-                lanes(here) -= here[a] * lanes(tile(c, 0) + a * LANES);
+            double *here = x + c * OCTET;
+            for (std::size_t a = 0; a < OCTET; ++a) {
+                here[a] *= inverse_[c * OCTET + a];
+                octet(here) -= here[a] * octet(tile(c, 0) + a * OCTET);
             }
             for (std::size_t d = 1; d < std::min(reach_, count_ - c); ++d) {
-                Lanes sum = lanes(here + d * LANES);
-                for (std::size_t a = 0; a < LANES; ++a) sum -= here[a] * lanes(tile(c, d) + a * LANES);
-                lanes(here + d * LANES) = sum;
+                Octet sum = octet(here + d * OCTET);
+                for (std::size_t a = 0; a < OCTET; ++a) sum -= here[a] * octet(tile(c, d) + a * OCTET);
+                octet(here + d * OCTET) = sum;
             }
         }
     }
 
     void backward(double *x) const {
         for (std::size_t c = count_; c-- > 0;) {
-            double *here = x + c * LANES;
-            for (std::size_t a = LANES; a-- > 0;) {
-                Lanes sum = {};
+            double *here = x + c * OCTET;
+            for (std::size_t a = OCTET; a-- > 0;) {
+                Octet sum = {};
                 for (std::size_t d = 1; d < std::min(reach_, count_ - c); ++d)
-                    sum += lanes(tile(c, d) + a * LANES) * lanes(here + d * LANES);
-                sum += lanes(tile(c, 0) + a * LANES) * lanes(here);  // last: what it waits for was just found
-                here[a] = (here[a] - total(sum)) * inverse_[c * LANES + a];
+                    sum += octet(tile(c, d) + a * OCTET) * octet(here + d * OCTET);
+                sum += octet(tile(c, 0) + a * OCTET) * octet(here);  // last: what it waits for was just found
+                here[a] = (here[a] - total(sum)) * inverse_[c * OCTET + a];
             }
         }
     }
