@@ -181,6 +181,7 @@ class Sqp:
         spline: Spline,
         world: World,
         torque: _Array,
+        still: _Array,
         cutoff: float,
         margins: tuple[float, _Array, _Array],
         settings: dict[str, float],
@@ -190,6 +191,7 @@ class Sqp:
         spline: Spline,
         tree: Tree,
         torque: _Array,
+        still: _Array,
         near: Callable[[_Array], tuple[_Indices, _Array, _Array]],
         settings: dict[str, float],
     ) -> Sqp: ...

@@ -133,24 +133,28 @@ SqpSettings make_settings(const std::map<std::string, double> &values) {
 
 // A descent among the bodies of a world.
 std::unique_ptr<Sqp> among_bodies(std::shared_ptr<const Spline> spline, const World &world, Vector torque,
-                                  double cutoff, std::tuple<double, Vector, Vector> margins,
+                                  Vector still, double cutoff, std::tuple<double, Vector, Vector> margins,
                                   const std::map<std::string, double> &settings) {
     const auto &[middle, start, end] = margins;
     expect(start.size() == world.pairs().size() && end.size() == start.size(), "margins of all pairs");
-    expect(torque.size() == spline->joints && world.tree().planned == static_cast<int>(spline->joints), "n joints");
+    expect(torque.size() == spline->joints && still.size() == torque.size() &&
+               world.tree().planned == static_cast<int>(spline->joints),
+           "n joints");
     const auto pairs = std::make_shared<RowSearch>(world, Margins{middle, to_vector(start), to_vector(end)}, cutoff);
     NearBodies near = [pairs](const Vec &u, const Vec &Q) { return pairs->of(u, Q); };
-    return std::make_unique<Sqp>(spline, std::move(near), TorqueRows(world.tree(), to_vector(torque)),
+    return std::make_unique<Sqp>(spline, std::move(near), TorqueRows(world.tree(), to_vector(torque), to_vector(still)),
                                  make_settings(settings));
 }
 
 // The same with contacts from Python: `near` takes Q (N, n) to sample (K,), value (K,) and gradient (K, n).
 using FoundRows = std::tuple<Indices, Vector, Matrix>;
 
-std::unique_ptr<Sqp> among_others(std::shared_ptr<const Spline> spline, const Tree &tree, Vector torque,
+std::unique_ptr<Sqp> among_others(std::shared_ptr<const Spline> spline, const Tree &tree, Vector torque, Vector still,
                                   std::function<FoundRows(nb::ndarray<nb::numpy, double>)> near,
                                   const std::map<std::string, double> &settings) {
-    expect(torque.size() == spline->joints && tree.planned == static_cast<int>(spline->joints), "n joints");
+    expect(torque.size() == spline->joints && still.size() == torque.size() &&
+               tree.planned == static_cast<int>(spline->joints),
+           "n joints");
     const std::size_t n = spline->joints;
     NearBodies ask = [near, n](const Vec &, const Vec &Q) {
         nb::gil_scoped_acquire held;
@@ -161,7 +165,8 @@ std::unique_ptr<Sqp> among_others(std::shared_ptr<const Spline> spline, const Tr
         rows.value = to_vector(value), rows.gradient = to_vector(gradient);
         return rows;
     };
-    return std::make_unique<Sqp>(spline, std::move(ask), TorqueRows(tree, to_vector(torque)), make_settings(settings));
+    return std::make_unique<Sqp>(spline, std::move(ask), TorqueRows(tree, to_vector(torque), to_vector(still)),
+                                 make_settings(settings));
 }
 
 CurvePoint begin(Sqp &sqp, Matrix control) {
@@ -287,9 +292,9 @@ void bind_program(nb::module_ &m) {
         .def_prop_ro("feasible", &CurvePoint::feasible);
     nb::class_<Step>(m, "Step").def_ro("promise", &Step::promise);
     nb::class_<Sqp>(m, "Sqp")
-        .def_static("among_bodies", &among_bodies, nb::keep_alive<0, 2>(), "spline"_a, "world"_a, "torque"_a,
+        .def_static("among_bodies", &among_bodies, nb::keep_alive<0, 2>(), "spline"_a, "world"_a, "torque"_a, "still"_a,
                     "cutoff"_a, "margins"_a, "settings"_a)
-        .def_static("among_others", &among_others, "spline"_a, "tree"_a, "torque"_a, "near"_a, "settings"_a)
+        .def_static("among_others", &among_others, "spline"_a, "tree"_a, "torque"_a, "still"_a, "near"_a, "settings"_a)
         .def(
             "set_samples",
             [](Sqp &sqp, Vector u, Matrix position, Matrix velocity, Matrix acceleration) {

@@ -75,10 +75,14 @@ class SymbolicState:
         rate = load_casadi().jtimes(self._twist(frame), self.q, self.v)
         return self._split(self._twin.jacobian_expression(self.q, self._named(frame)) @ self.a + rate)
 
-    def torque(self) -> Any:
-        """Return the torques of the joints (n,), N m or N, by inverse dynamics with all masses carried."""
-        gravity = np.array(self.robot.model.gravity.linear)
-        return self._twin.torque_expression(self.q, self.v, self.a, gravity)
+    def torque(self, *, at_rest: bool = False) -> Any:
+        """Return the torques of the joints (n,), N m or N, by inverse dynamics with all masses carried.
+
+        With `at_rest` those that hold the robot still.
+        """
+        gravity, still = np.array(self.robot.model.gravity.linear), load_casadi().SX.zeros(self.robot.n)
+        v, a = (still, still) if at_rest else (self.v, self.a)
+        return self._twin.torque_expression(self.q, v, a, gravity)
 
     def base_wrench(self) -> Any:
         """Return the wrench [F; M] (6,) of the ground on the base about the world's origin, in world axes, N, N·m."""

@@ -41,6 +41,11 @@ class Gravity:
         return torque
 
 
+def limits_at_rest(robot: Robot, limit: Array) -> Array:
+    """Return the torque limits (n,), N·m or N, of joints that gravity may ask for more of; infinite for the others."""
+    return np.where(greatest_gravity(robot) > limit * (1.0 - _RESERVE), limit, np.inf)
+
+
 @once_for_each
 def greatest_gravity(robot: Robot) -> Array:
     """Bounds (n,) on |g(q)|, N·m (sliding joints: N); huge where a sliding joint without limits moves masses away.

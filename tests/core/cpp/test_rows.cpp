@@ -37,7 +37,8 @@ TEST(rows_of_torque_are_what_is_left_of_the_limit) {
     const Spline spline = bezier();
     const Vec u{0.3, 0.6}, C = control();
     const Samples samples = bezier_samples(u);
-    TorqueRows weak(tree, {30.0, HUGE_VAL}), strong(tree, {1e6, 1e6});
+    const Vec none{HUGE_VAL, HUGE_VAL};
+    TorqueRows weak(tree, {30.0, HUGE_VAL}, none), strong(tree, {1e6, 1e6}, none);
     CHECK(weak.limited() == 1 && strong.limited() == 2);
     Inequalities rows;
     Mask exceeded;
@@ -56,6 +57,35 @@ TEST(rows_of_torque_are_what_is_left_of_the_limit) {
     }
     strong.of(spline, samples, C.data(), T, Mask(4), rows, exceeded);
     CHECK(rows.value.empty());
+}
+
+TEST(rows_at_rest_are_what_is_left_of_the_limit_of_gravity) {
+    const Tree tree = arm();
+    const Spline spline = bezier();
+    const Vec u{0.3, 0.6}, C = control(), rest(2, 0.0);
+    const Samples samples = bezier_samples(u);
+    InverseDynamics dynamics(tree);
+    double q[2], tau[2], most = 0.0;  // what both ends need
+    for (const std::size_t end : {std::size_t{0}, spline.points - 1}) {
+        dynamics.torques(C.data() + 2 * end, rest.data(), rest.data(), tau);
+        most = std::max(most, std::fabs(tau[0]));
+    }
+    for (const double still : {1.5 * most, 0.5 * most}) {
+        TorqueRows heavy(tree, {1e6, 1e6}, {still, HUGE_VAL});
+        const double allowed = std::max(0.98 * still, most);
+        Inequalities rows;
+        Mask exceeded;
+        heavy.of(spline, samples, C.data(), 2.0, Mask(4), rows, exceeded);
+        std::size_t found = 0;
+        for (std::size_t i = 0; i < u.size(); ++i) {
+            samples.at(i, 0, C.data(), spline, q);
+            dynamics.torques(q, rest.data(), rest.data(), tau);
+            if (std::fabs(tau[0]) <= 0.6 * allowed) continue;
+            CHECK(rows.sample[found] == static_cast<int>(i) && rows.by_duration[found] == 0.0);
+            NEAR(rows.value[found++], 1.0 - std::fabs(tau[0]) / allowed, 1e-12);
+        }
+        CHECK(found > 0 && rows.value.size() == found);
+    }
 }
 
 }  // namespace optiplan::test_rows

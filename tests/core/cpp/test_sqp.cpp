@@ -7,7 +7,8 @@
 namespace optiplan::test_sqp {
 
 static Sqp descent(const NearBodies &near) {
-    Sqp sqp(std::make_shared<Spline>(bezier()), near, TorqueRows(arm(), {HUGE_VAL, HUGE_VAL}), {1.0, 1.0, 0.01, 1e-4});
+    const Vec none{HUGE_VAL, HUGE_VAL};
+    Sqp sqp(std::make_shared<Spline>(bezier()), near, TorqueRows(arm(), none, none), {1.0, 1.0, 0.01, 1e-4});
     sqp.set_samples(bezier_samples({0.2, 0.4, 0.6, 0.8}));
     return sqp;
 }

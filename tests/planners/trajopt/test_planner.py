@@ -10,6 +10,7 @@ import pytest
 from optiplan.collision.native_model import planning_model
 from optiplan.geometry.scene import Box, Obstacle, Scene
 from optiplan.planners.base import Budget, PlanResult, silent
+from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.trajopt import planner, warm
 from optiplan.planners.trajopt.bspline_basis import SplineBasis
 from optiplan.planners.trajopt.initial_guess import along_path
@@ -71,6 +72,23 @@ def test_torque_limits_bind_and_hold(robot: Robot) -> None:
     assert bound is not None
     assert verify(weak, bound).verified
     assert not verify(weak, free).verified
+
+
+def test_the_drives_can_hold_every_configuration_of_a_motion() -> None:
+    """Baxter's shoulder is overloaded by a tenth on the straight line: curves learn of it, not only the search."""
+    robot = load_robot("baxter")
+    start, goal = robot.configurations["ready"].copy(), robot.configurations["ready"].copy()
+    start[:7], goal[:7] = [-0.69, 0.49, 0.49, 0.83, 0.22, 0.12, 0.27], [1.06, -1.0, -0.26, 0.38, -0.62, 0.09, 0.63]
+    load, limit = Gravity(robot, robot.limits.torque), robot.limits.torque
+    assert max((load.torque(start + s * (goal - start)) / limit).max() for s in np.linspace(0.0, 1.0, 41)) > 1.1
+    problem = unchecked_problem(
+        name="t", robot=robot, scene=Scene(), start=start, goal=(JointGoal(goal),), limits=robot.limits
+    )
+    motion = plan(problem, 1.0).trajectory
+    assert motion is not None
+    assert motion.duration < 1.5, "24 s along the path of the search"
+    assert max((load.torque(q) / limit).max() for q in motion(np.linspace(0.0, motion.duration, 500))) <= 1.0
+    assert verify(problem, motion).verified
 
 
 def test_goes_around_a_wall(robot: Robot) -> None:

@@ -22,6 +22,9 @@ constexpr double GAP = 1e-8;
 // Torques above this share of their limit get a row.
 constexpr double TORQUE_SHARE = 0.6;
 
+// Share of the limits that torques at rest may take: slowing down does not help where they exceed them.
+constexpr double HELD = 0.98;
+
 // Runs of consecutive samples at which a pair penetrates, as places in `found`: rising samples, pair by pair.
 std::vector<std::vector<std::size_t>> penetrations(const std::vector<Contact> &found) {
     std::map<int, std::vector<std::vector<std::size_t>>> runs;
@@ -74,10 +77,13 @@ NearRows RowSearch::of(const Vec &u, const Vec &Q) {
     return rows;
 }
 
-TorqueRows::TorqueRows(const Tree &tree, Vec limit) : dynamics_(tree), limit_(std::move(limit)) {
+TorqueRows::TorqueRows(const Tree &tree, Vec limit, Vec still)
+    : dynamics_(tree), limit_(std::move(limit)), still_(std::move(still)),
+      heavy_(std::any_of(still_.begin(), still_.end(), [](double most) { return std::isfinite(most); })) {
     for (std::size_t j = 0; j < limit_.size(); ++j)
         if (std::isfinite(limit_[j])) which_.push_back(static_cast<int>(j));
     const std::size_t n = limit_.size();
+    none_.assign(which_.size(), 0);
     motion_.resize(3 * n), tau_.resize(n), share_.resize(which_.size()), derivatives_.resize(3 * n * n);
 }
 
@@ -89,6 +95,8 @@ void TorqueRows::of(const Spline &spline, const Samples &samples, const double *
     exceeded.assign(samples.count() * count, 0);
     if (!count) return;
     rows.over.resize(samples.count());
+    const Vec still = heavy_ ? holding(spline, control) : Vec();
+    const double *q = motion_.data(), *v = q + n, *a = v + n;
     for (std::size_t i = 0; i < samples.count(); ++i) {
         rows.over[i].first = std::max(samples.first[i], spline.fixed) - spline.fixed;
         double scale = 1.0;
@@ -97,30 +105,57 @@ void TorqueRows::of(const Spline &spline, const Samples &samples, const double *
             samples.at(i, order, control, spline, part);
             for (std::size_t j = 0; j < n; ++j) part[j] *= scale;
         }
-        dynamics_.torques(motion_.data(), motion_.data() + n, motion_.data() + 2 * n, tau_.data());
-        bool hot = false;
-        for (std::size_t k = 0; k < count; ++k) {
-            share_[k] = tau_[which_[k]] / limit_[which_[k]];
-            exceeded[i * count + k] = std::fabs(share_[k]) > 1.0;
-            hot |= std::fabs(share_[k]) > TORQUE_SHARE || watched[i * count + k];
-        }
-        if (hot) add(spline, samples, i, duration, watched, rows);
+        dynamics_.torques(q, v, a, tau_.data());
+        const char *watching = watched.data() + i * count;
+        const bool hot = near_the_limit(limit_, watching);
+        for (std::size_t k = 0; k < count; ++k) exceeded[i * count + k] = std::fabs(share_[k]) > 1.0;
+        if (hot) add(spline, samples, i, duration, 3, limit_, watching, rows);
+        if (!heavy_) continue;
+        dynamics_.at_rest(tau_.data());
+        if (!near_the_limit(still, none_.data())) continue;
+        std::fill(motion_.begin() + n, motion_.end(), 0.0);
+        dynamics_.torques(q, v, a, tau_.data());
+        add(spline, samples, i, duration, 1, still, none_.data(), rows);
     }
 }
 
-// The rows of one sample, where `dynamics_` has just been asked.
-void TorqueRows::add(const Spline &spline, const Samples &samples, std::size_t i, double duration, const Mask &watched,
-                     Inequalities &rows) {
+// The limits of torques at rest along a curve: with a reserve, but at least what its ends need.
+Vec TorqueRows::holding(const Spline &spline, const double *control) {
+    const std::size_t n = spline.joints;
+    const Vec rest(n, 0.0);
+    Vec found = still_;
+    for (double &most : found) most *= HELD;
+    for (const std::size_t end : {std::size_t{0}, spline.points - 1}) {
+        dynamics_.torques(control + end * n, rest.data(), rest.data(), tau_.data());
+        for (std::size_t j = 0; j < n; ++j) found[j] = std::max(found[j], std::fabs(tau_[j]));
+    }
+    return found;
+}
+
+// Sets the shares of limits that torques take; whether one is large, or watched.
+bool TorqueRows::near_the_limit(const Vec &limit, const char *watched) {
+    bool near = false;
+    for (std::size_t k = 0; k < which_.size(); ++k) {
+        share_[k] = tau_[which_[k]] / limit[which_[k]];
+        near |= std::fabs(share_[k]) > TORQUE_SHARE || watched[k];
+    }
+    return near;
+}
+
+// The rows of one sample, where `dynamics_` has just been asked; of torques by position, or by rates of two `orders`
+// more.
+void TorqueRows::add(const Spline &spline, const Samples &samples, std::size_t i, double duration, int orders,
+                     const Vec &limit, const char *watched, Inequalities &rows) {
     const std::size_t n = spline.joints, free = spline.free(), count = which_.size();
     double *by[3] = {derivatives_.data(), derivatives_.data() + n * n, derivatives_.data() + 2 * n * n};
     dynamics_.derivatives(by[0], by[1], by[2]);
     for (std::size_t k = 0; k < count; ++k) {
-        if (!(std::fabs(share_[k]) > TORQUE_SHARE || watched[i * count + k])) continue;
-        const double scale = (share_[k] > 0.0 ? -1.0 : share_[k] < 0.0 ? 1.0 : 0.0) / limit_[which_[k]];
+        if (!(std::fabs(share_[k]) > TORQUE_SHARE || watched[k])) continue;
+        const double scale = (share_[k] > 0.0 ? -1.0 : share_[k] < 0.0 ? 1.0 : 0.0) / limit[which_[k]];
         const std::size_t at = rows.entries.size();
         rows.entries.resize(at + REACH * n, 0.0);
         double power = 1.0, by_duration = 0.0;
-        for (int order = 0; order < 3; ++order, power /= duration) {
+        for (int order = 0; order < orders; ++order, power /= duration) {
             const double *slope = by[order] + which_[k] * n;
             by_duration -= order * dot(slope, motion_.data() + order * n, n);
             for (std::size_t point = 0; point < REACH; ++point) {

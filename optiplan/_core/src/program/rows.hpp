@@ -55,9 +55,12 @@ class RowSearch {
 using Mask = std::vector<char>;
 
 // Rows 1 - |tau| / limit >= 0 of joints and samples above a share of the limit, or watched.
+//
+// Where gravity can exceed a limit, tau at rest has rows, too: a motion that its drives cannot hold still is not made
+// feasible by slowing it down. `still` is the limit of these, less a reserve, but what both ends need at least.
 class TorqueRows {
   public:
-    TorqueRows(const Tree &tree, Vec limit);
+    TorqueRows(const Tree &tree, Vec limit, Vec still);
 
     void of(const Spline &spline, const Samples &samples, const double *control, double duration, const Mask &watched,
             Inequalities &rows, Mask &exceeded);
@@ -65,12 +68,17 @@ class TorqueRows {
     std::size_t limited() const { return which_.size(); }
 
   private:
-    void add(const Spline &spline, const Samples &samples, std::size_t sample, double duration, const Mask &watched,
-             Inequalities &rows);
+    Vec holding(const Spline &spline, const double *control);
+    bool near_the_limit(const Vec &limit, const char *watched);
+    void add(const Spline &spline, const Samples &samples, std::size_t sample, double duration, int orders,
+             const Vec &limit, const char *watched, Inequalities &rows);
 
     InverseDynamics dynamics_;
     Vec limit_;               // (n,) N m or N; infinite where there is none
+    Vec still_;               // (n,) the same of torques at rest; infinite where gravity exceeds none
     std::vector<int> which_;  // joints that have a limit
+    bool heavy_;              // whether `still_` limits any
+    Mask none_;               // of which_: nothing is watched at rest
     Vec motion_, tau_, share_, derivatives_;
 };
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from optiplan.arrays import Array, Index
+from optiplan.planners.common.gravity import limits_at_rest
 from optiplan.planners.task.optimisation.rate_rows import RateRows
 from optiplan.planners.trajopt.bspline_basis import FIXED
 from optiplan.planners.trajopt.optimizer import Optimiser
@@ -27,7 +28,8 @@ class MovePart:
         self.own, self.basis, self.ends = own, own.basis, ends
         self.limits = own.problem.limits
         margins = Margins.between(own.model, ends, own.options.margin)
-        torques = TorqueTerm(own.problem.robot, self.limits.torque)
+        robot, torque = own.problem.robot, self.limits.torque
+        torques = TorqueTerm(robot, torque, limits_at_rest(robot, torque))
         self.terms: tuple[Term, ...] = (ContactTerm(own.model, margins), torques, *own.constraint_terms.begin())
         self._shapes = self.basis.end_shapes
         self.resample(u)

@@ -21,15 +21,17 @@ class NativeSqp:
 
     def __init__(self, transcription: Transcription) -> None:
         self.transcription = transcription
-        spline, model, torque = native_spline(transcription), transcription.model, transcription.limits.torque
+        spline, model, torques = native_spline(transcription), transcription.model, transcription.torques
         world = model.world if isinstance(model, NativeCollisionModel) else None
         if world is not None:
             margins = transcription.margins
             wishes = (margins.middle, margins.start, margins.end)
-            self._sqp = core.Sqp.among_bodies(spline, world, torque, CUTOFF, wishes, _settings())
+            self._sqp = core.Sqp.among_bodies(spline, world, torques.limit, torques.still, CUTOFF, wishes, _settings())
         else:
             tree = native_tree(model.robot.model)
-            self._sqp = core.Sqp.among_others(spline, tree, torque, transcription.contacts.near, _settings())
+            self._sqp = core.Sqp.among_others(
+                spline, tree, torques.limit, torques.still, transcription.contacts.near, _settings()
+            )
 
     def set_samples(self, u: Array) -> None:
         """Set the instants, as shares of the duration, at which contacts and torques are evaluated."""

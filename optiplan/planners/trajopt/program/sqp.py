@@ -26,8 +26,8 @@ STUCK = 0.01
 STALLED, HALVED = 5, 0.5
 """Number of steps within which the clearance violation of a stuck curve must fall to this share."""
 
-SETTLED = 2
-"""Number of accepted steps in a row with little gain after which a descent ends: one alone may be bad luck."""
+SETTLED, LITTLE, VAIN = 2, 2e-3, 2e-4
+"""So many accepted steps in a row that gain so small a share end a descent, one may be bad luck; or such a promise."""
 
 ACCEPTED, REPAIRED, REFUSED = 1.0, 0.5, 0.0
 """Values in the log: an accepted step, one repaired by a second step, a refused one."""
@@ -373,7 +373,7 @@ class _Descent(Generic[PointT, StepT]):
             self.log.append((*before, REFUSED))
             self.radius *= SHRINK
             return None
-        if step.promise < 2e-4 * point.duration or self._enough(point, step.promise):
+        if step.promise < VAIN * point.duration or self._enough(point, step.promise):
             return "converged"
         trial, accepted = self.program.follow(point, step), ACCEPTED
         if point.merit - trial.merit <= 0.1 * step.promise and not self.options.stop():
@@ -390,7 +390,7 @@ class _Descent(Generic[PointT, StepT]):
     def _accept(self, trial: PointT, gain: float, good: bool) -> Ending | None:
         """Go to the end of a step; `good` ones widen the trust region. Return why the descent ends, if so."""
         held_back = good and self.radius < self.options.radius  # by a trust region that is about to grow
-        little = gain < 0.002 * self.point.duration and trial.feasible and not held_back
+        little = gain < LITTLE * self.point.duration and trial.feasible and not held_back
         self.settled = self.settled + 1 if little else 0
         self.point = trial
         if good:

@@ -6,6 +6,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
+from optiplan.planners.common.gravity import limits_at_rest
 from optiplan.planners.trajopt.bspline_basis import SplineBasis
 from optiplan.planners.trajopt.terms.contacts import ContactTerm, Margins, TimedContactTerm
 from optiplan.planners.trajopt.terms.integrals import JerkCost
@@ -38,7 +39,8 @@ class Transcription:
         self.rates = problem.limits.rates
         self.objective = problem.objective
         self.contacts = TimedContactTerm(model, margins) if model.motions else ContactTerm(model, margins)
-        self.torques = TorqueTerm(problem.robot, problem.limits.torque)
+        torque = problem.limits.torque
+        self.torques = TorqueTerm(problem.robot, torque, limits_at_rest(problem.robot, torque))
         self.terms: tuple[Term, ...] = (self.contacts, self.torques, *extra)
         self.jerk = (JerkCost(self.objective.jerk, basis),) if self.objective.jerk else ()
         self.further = tuple(costs)

@@ -1,5 +1,6 @@
 """Torque limits of the planned joints."""
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -18,19 +19,31 @@ if TYPE_CHECKING:
 TORQUE_SHARE = 0.6
 """Torques above this share of their limit get a row."""
 
+HELD = 0.98
+"""Share of the limits that torques at rest may take: slowing down does not help where they exceed them."""
+
 TORQUE_PENALTY = 2.0
 """Price of a torque that exceeds its limit by the limit itself at one sample."""
 
 
 class TorqueTerm:
-    """Rows 1 -+ tau / limit, with pinocchio's analytic derivatives of inverse dynamics. Holds at: samples."""
+    """Rows 1 -+ tau / limit, with pinocchio's analytic derivatives of inverse dynamics. Holds at: samples.
+
+    Where gravity can exceed a limit, tau at rest has rows, too: a motion that its drives cannot hold still is not made
+    feasible by slowing it down.
+    """
 
     name = "torque"
     price, unit, negligible, decides = TORQUE_PENALTY, 1.0, 0.01, False
 
-    def __init__(self, robot: Robot, limit: Array) -> None:
-        self.limit = limit
-        self._robot = robot
+    def __init__(self, robot: Robot, limit: Array, still: Array | None = None) -> None:
+        """Set the limits (n,), N·m or N; `still` (n,) of torques at rest, None or infinite: without rows.
+
+        Along a curve, `HELD` of them is allowed at rest, and at least what its ends need.
+        """
+        self.limit, self._robot = limit, robot
+        self.still = np.full(len(limit), np.inf) if still is None else still
+        self._heavy = np.flatnonzero(np.isfinite(self.still))
         self._limited = np.flatnonzero(np.isfinite(limit))
         self._watched: Mask = np.zeros((0, len(self._limited)), dtype=bool)
 
@@ -48,19 +61,43 @@ class TorqueTerm:
         """Return rows 1 - |tau_j| / limit_j >= 0 of joints, samples above `TORQUE_SHARE` of the limit, or watched."""
         if not len(self._limited):
             return SoftRows.none(curve.variables)
-        motion = curve.motion
-        tau = inverse_dynamics(self._robot, *motion)
-        share = tau[:, self._limited] / self.limit[self._limited]
-        exceeded: Mask = np.abs(share) > 1.0
-        sample, which = np.nonzero((np.abs(share) > TORQUE_SHARE) | self._watched)
+        moving = self._shares(curve.motion, self.limit)
+        exceeded: Mask = np.abs(moving) > 1.0
+        rows = self._near_the_limit(curve.motion, moving, self.limit, self._watched)
+        if len(self._heavy):
+            states, still = _at_rest(curve.motion[0]), self._holding(curve)
+            shares = self._shares(states, still)
+            held = self._near_the_limit(states, shares, still, np.zeros_like(self._watched))
+            held[3][:], held[4][:] = 0.0, 0.0
+            rows = [np.concatenate(pair) for pair in zip(rows, held, strict=True)]
+            order = np.argsort(rows[0], kind="stable")
+            rows = [part[order] for part in rows]
+        sample, value, *by_state = rows
         if not len(sample):
             return SoftRows.none(curve.variables, exceeded)
+        return curve.rows(sample, value, (by_state[0], by_state[1], by_state[2]), exceeded)
+
+    def _shares(self, motion: Sequence[Array], limit: Array) -> Array:
+        """Return the torques over their limits (N, L)."""
+        return np.asarray(inverse_dynamics(self._robot, *motion)[:, self._limited] / limit[self._limited])
+
+    def _near_the_limit(self, motion: Sequence[Array], share: Array, limit: Array, watched: Mask) -> list[Array]:
+        """Return rows of large shares (N, L), or watched ones: sample, value, and derivatives by q, v and a."""
+        sample, which = np.nonzero((np.abs(share) > TORQUE_SHARE) | watched)
         hot, back = np.unique(sample, return_inverse=True)
         derivatives = self._derivatives([part[hot] for part in motion])
-        sign, joint = np.sign(share[sample, which]), self._limited[which]
-        scale = -sign / self.limit[joint]
-        by_q, by_v, by_a = (matrix[back, joint] * scale[:, None] for matrix in derivatives)
-        return curve.rows(sample, 1.0 - np.abs(share[sample, which]), (by_q, by_v, by_a), exceeded)
+        joint = self._limited[which]
+        scale = -np.sign(share[sample, which]) / limit[joint]
+        return [
+            sample,
+            1.0 - np.abs(share[sample, which]),
+            *(matrix[back, joint] * scale[:, None] for matrix in derivatives),
+        ]
+
+    def _holding(self, curve: Curve) -> Array:
+        """Return the limits (n,) of torques at rest along a curve."""
+        ends = np.abs(inverse_dynamics(self._robot, *_at_rest(curve.control[[0, -1]]))).max(axis=0)
+        return np.maximum(HELD * self.still, ends)
 
     def residuals(self, curve: Curve) -> tuple[Array, tuple[Array, Array, Array]]:
         """Return the torques (N, n) at the samples, and their derivatives (N, n, n) by q, v and a."""
@@ -81,19 +118,33 @@ class TorqueTerm:
         return [A.T @ matrix @ A for matrix in (by_q, by_v, mass)]
 
     def expressed(self) -> Expressed:
-        """Return 1 - tau / limit and 1 + tau / limit of the limited joints, at all samples."""
+        """Return 1 - tau / limit and 1 + tau / limit of the limited joints, and those at rest, at all samples."""
         from optiplan.planners.path_constraints.parts import stacked
+
+        heavy = self._heavy
 
         def build(k: "SymbolicState") -> Any:
             if not len(self._limited):
                 return stacked()
             share = k.torque()[self._limited.tolist()] * k.constant(1.0 / self.limit[self._limited])
-            return stacked(1.0 - share, 1.0 + share)
+            if not len(heavy):
+                return stacked(1.0 - share, 1.0 + share)
+            still = k.torque(at_rest=True)[heavy.tolist()] * k.constant(1.0 / self.still[heavy])
+            return stacked(1.0 - share, 1.0 + share, 1.0 - still, 1.0 + still)
+
+        def least(curve: Curve) -> Array:
+            spare = 1.0 - (self._holding(curve) / self.still)[heavy] if len(heavy) else np.zeros(0)
+            return np.tile(np.concatenate([np.zeros(2 * len(self._limited)), spare, spare]), (len(samples), 1))
 
         samples = np.arange(len(self._watched))
-        names = [f"torque of {self._robot.joint_names[j]}" for j in self._limited]
-        labels = (*(f"upper {name}" for name in names), *(f"lower {name}" for name in names))
-        return Expressed(build, samples, lambda curve: np.zeros((len(samples), len(labels))), labels)
+        kinds = ("torque", self._limited), ("torque at rest", heavy)
+        labels = tuple(
+            f"{side} {kind} of {self._robot.joint_names[j]}"
+            for kind, joints in kinds
+            for side in ("upper", "lower")
+            for j in joints
+        )
+        return Expressed(build, samples, least, labels)
 
     def watch(self, rows: SoftRows) -> bool:
         """Add rows for the joints and samples whose torque is too large in `rows`; return whether any is new.
@@ -104,3 +155,7 @@ class TorqueTerm:
             return False
         self._watched |= rows.exceeded
         return True
+
+
+def _at_rest(Q: Array) -> tuple[Array, Array, Array]:
+    return Q, np.zeros_like(Q), np.zeros_like(Q)

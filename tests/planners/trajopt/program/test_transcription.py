@@ -9,6 +9,7 @@ import pytest
 from optiplan.collision.contacts import Contacts
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.scene import Box, Obstacle, Scene, Sphere
+from optiplan.planners.common.gravity import limits_at_rest
 from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.program.qp import Subproblem
@@ -16,6 +17,7 @@ from optiplan.planners.trajopt.program.sqp import DescentOptions, PythonProgram,
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import CUTOFF, Margins, _pushed_one_way
 from optiplan.planners.trajopt.terms.term import CostModel, SoftRows
+from optiplan.planners.trajopt.terms.torques import TorqueTerm
 from optiplan.problem.problem import JointGoal, Objective, Problem
 from optiplan.robot.robot import load_robot
 from tests.unchecked_problem import unchecked_problem
@@ -103,6 +105,24 @@ def test_torque_rows_equal_differences(transcription: Transcription, control: np
     expected = 0.5 * (plus.value - minus.value)
     predicted = here.by_control @ change + here.by_duration * dT
     np.testing.assert_allclose(predicted, expected, rtol=1e-4, atol=1e-9)
+
+
+def test_what_gravity_may_overload_has_rows_at_rest(
+    problem: Problem, transcription: Transcription, control: np.ndarray
+) -> None:
+    """Beside those of the motion: of 98 % of the limits, or of what the ends need, here 106 % of the shoulder's."""
+    robot, limit, curve = problem.robot, problem.limits.torque, transcription.curve(control, 1.1)
+    assert np.isinf(limits_at_rest(robot, robot.limits.torque)).all()
+    still = limits_at_rest(robot, limit)
+    moving = TorqueTerm(robot, limit)
+    moving.begin(transcription.samples)
+    Q, data = transcription.samples.at[0] @ control, robot.model.createData()
+    gravity = np.abs([pin.computeGeneralizedGravity(robot.model, data, q) for q in [problem.start, GOAL, *Q]])
+    share = gravity[2:] / np.maximum(0.98 * still, gravity[:2].max(axis=0))
+    assert 1.05 < (gravity[1] / limit).max() < 1.07
+    expected = np.concatenate([moving.rows(curve).value, 1.0 - share[share > 0.6]])
+    np.testing.assert_allclose(np.sort(transcription.torques.rows(curve).value), np.sort(expected), atol=1e-12)
+    assert share.max() > 0.9
 
 
 def test_jerk_cost_equals_differences(transcription: Transcription, control: np.ndarray) -> None:
