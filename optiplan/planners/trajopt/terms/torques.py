@@ -133,7 +133,7 @@ class TorqueTerm:
             return stacked(1.0 - share, 1.0 + share, 1.0 - still, 1.0 + still)
 
         def least(curve: Curve) -> Array:
-            spare = 1.0 - (self._holding(curve) / self.still)[heavy] if len(heavy) else np.zeros(0)
+            spare = 1.0 - self._holding(curve)[heavy] / self.still[heavy]
             return np.tile(np.concatenate([np.zeros(2 * len(self._limited)), spare, spare]), (len(samples), 1))
 
         samples = np.arange(len(self._watched))

@@ -51,10 +51,10 @@ LIGHT = ("jerk", "energy", "tool_smoothness", "tool_path", "joint_path", "manipu
 
 @pytest.fixture(scope="module")
 def with_everything():
-    """Path constraints, all objectives, a wall, and an end that is free in its goal."""
+    """Path constraints, all objectives, a wall, motors that gravity can overload, and an end free in its goal."""
     wall = op.Box("wall", size=(0.05, 0.3, 0.42), position=(0.4, 0.25, 0.21))
     goal = op.Pose((0.3, 0.5, 0.5), rpy=(np.pi, 0.0, 0.0))
-    problem = op.Problem("panda", start="ready", goal=goal, scene=[wall])
+    problem = op.Problem("panda", start="ready", goal=goal, scene=[wall], limits={"torque": 0.6})
     apart = {"clearance": {"pairs": [["panda_hand", "panda_link0"]], "at_least": 0.44}}
     weights = {"time": 1.0, "clearance": 20.0, **dict.fromkeys(LIGHT, 1e-3)}
     stated = problem.with_constraints({"tool_speed": {"linear": 0.5, "angular": 2.0}}, apart).with_objective(weights)
@@ -75,6 +75,7 @@ def test_rows_and_cost_are_those_of_the_planners_terms(which, request):
     rows = [term.rows(curve) for term in made.terms]
     missing = [one.cost() for one in penalties(made.terms, rows, nlp.first.duration)]
     assert sum(missing) > 0.01, "nothing is violated"
+    assert any("torque at rest" in name for name in nlp.g_names) == (which == "with_everything")
     assert float(f) == pytest.approx(made.cost(curve) + sum(missing), rel=1e-6)
 
 
