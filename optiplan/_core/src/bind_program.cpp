@@ -132,8 +132,8 @@ SqpSettings make_settings(const std::map<std::string, double> &values) {
 }
 
 // A descent among the bodies of a world.
-std::unique_ptr<Sqp> among_bodies(std::shared_ptr<const Spline> spline, const World &world, Vector torque,
-                                  Vector still, double cutoff, std::tuple<double, Vector, Vector> margins,
+std::unique_ptr<Sqp> among_bodies(std::shared_ptr<const Spline> spline, const World &world, Vector torque, Vector still,
+                                  double cutoff, std::tuple<double, Vector, Vector> margins,
                                   const std::map<std::string, double> &settings) {
     const auto &[middle, start, end] = margins;
     expect(start.size() == world.pairs().size() && end.size() == start.size(), "margins of all pairs");

@@ -19,8 +19,8 @@ constexpr double WINDOW = 0.015;
 // Digits of distances, m: steps are far coarser.
 constexpr double GAP = 1e-8;
 
-// Torques above this share of their limit get a row.
-constexpr double TORQUE_SHARE = 0.6;
+// Torques above this share of their limit get a row; at rest, where a step changes them less, above the second one.
+constexpr double TORQUE_SHARE = 0.6, REST_SHARE = 0.8;
 
 // Share of the limits that torques at rest may take: slowing down does not help where they exceed them.
 constexpr double HELD = 0.98;
@@ -107,15 +107,15 @@ void TorqueRows::of(const Spline &spline, const Samples &samples, const double *
         }
         dynamics_.torques(q, v, a, tau_.data());
         const char *watching = watched.data() + i * count;
-        const bool hot = near_the_limit(limit_, watching);
+        const bool hot = near_the_limit(limit_, TORQUE_SHARE, watching);
         for (std::size_t k = 0; k < count; ++k) exceeded[i * count + k] = std::fabs(share_[k]) > 1.0;
-        if (hot) add(spline, samples, i, duration, 3, limit_, watching, rows);
+        if (hot) add(spline, samples, i, duration, 3, limit_, rows);
         if (!heavy_) continue;
         dynamics_.at_rest(tau_.data());
-        if (!near_the_limit(still, none_.data())) continue;
+        if (!near_the_limit(still, REST_SHARE, none_.data())) continue;
         std::fill(motion_.begin() + n, motion_.end(), 0.0);
         dynamics_.torques(q, v, a, tau_.data());
-        add(spline, samples, i, duration, 1, still, none_.data(), rows);
+        add(spline, samples, i, duration, 1, still, rows);
     }
 }
 
@@ -132,25 +132,24 @@ Vec TorqueRows::holding(const Spline &spline, const double *control) {
     return found;
 }
 
-// Sets the shares of limits that torques take; whether one is large, or watched.
-bool TorqueRows::near_the_limit(const Vec &limit, const char *watched) {
-    bool near = false;
+// Sets the shares of limits that torques take, and the joints that get rows: of more than `least`, or watched.
+bool TorqueRows::near_the_limit(const Vec &limit, double least, const char *watched) {
+    near_.clear();
     for (std::size_t k = 0; k < which_.size(); ++k) {
         share_[k] = tau_[which_[k]] / limit[which_[k]];
-        near |= std::fabs(share_[k]) > TORQUE_SHARE || watched[k];
+        if (std::fabs(share_[k]) > least || watched[k]) near_.push_back(k);
     }
-    return near;
+    return !near_.empty();
 }
 
 // The rows of one sample, where `dynamics_` has just been asked; of torques by position, or by rates of two `orders`
 // more.
 void TorqueRows::add(const Spline &spline, const Samples &samples, std::size_t i, double duration, int orders,
-                     const Vec &limit, const char *watched, Inequalities &rows) {
-    const std::size_t n = spline.joints, free = spline.free(), count = which_.size();
+                     const Vec &limit, Inequalities &rows) {
+    const std::size_t n = spline.joints, free = spline.free();
     double *by[3] = {derivatives_.data(), derivatives_.data() + n * n, derivatives_.data() + 2 * n * n};
     dynamics_.derivatives(by[0], by[1], by[2]);
-    for (std::size_t k = 0; k < count; ++k) {
-        if (!(std::fabs(share_[k]) > TORQUE_SHARE || watched[k])) continue;
+    for (const std::size_t k : near_) {
         const double scale = (share_[k] > 0.0 ? -1.0 : share_[k] < 0.0 ? 1.0 : 0.0) / limit[which_[k]];
         const std::size_t at = rows.entries.size();
         rows.entries.resize(at + REACH * n, 0.0);

@@ -69,9 +69,9 @@ class TorqueRows {
 
   private:
     Vec holding(const Spline &spline, const double *control);
-    bool near_the_limit(const Vec &limit, const char *watched);
+    bool near_the_limit(const Vec &limit, double least, const char *watched);
     void add(const Spline &spline, const Samples &samples, std::size_t sample, double duration, int orders,
-             const Vec &limit, const char *watched, Inequalities &rows);
+             const Vec &limit, Inequalities &rows);
 
     InverseDynamics dynamics_;
     Vec limit_;               // (n,) N m or N; infinite where there is none
@@ -79,6 +79,7 @@ class TorqueRows {
     std::vector<int> which_;  // joints that have a limit
     bool heavy_;              // whether `still_` limits any
     Mask none_;               // of which_: nothing is watched at rest
+    std::vector<std::size_t> near_;  // of which_: joints that get rows
     Vec motion_, tau_, share_, derivatives_;
 };
 

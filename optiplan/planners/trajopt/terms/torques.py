@@ -16,8 +16,8 @@ from optiplan.robot.robot import Robot
 if TYPE_CHECKING:
     from optiplan.kinematics.symbolic.state import SymbolicState
 
-TORQUE_SHARE = 0.6
-"""Torques above this share of their limit get a row."""
+TORQUE_SHARE, REST_SHARE = 0.6, 0.8
+"""Torques above this share of their limit get a row; at rest, where a step changes them less, above the second one."""
 
 HELD = 0.98
 """Share of the limits that torques at rest may take: slowing down does not help where they exceed them."""
@@ -58,16 +58,16 @@ class TorqueTerm:
         self._watched = np.zeros((len(samples.u), len(self._limited)), dtype=bool)
 
     def rows(self, curve: Curve) -> SoftRows:
-        """Return rows 1 - |tau_j| / limit_j >= 0 of joints, samples above `TORQUE_SHARE` of the limit, or watched."""
+        """Return rows 1 - |tau_j| / limit_j >= 0 of joints, samples above a share of the limit, or watched."""
         if not len(self._limited):
             return SoftRows.none(curve.variables)
         moving = self._shares(curve.motion, self.limit)
         exceeded: Mask = np.abs(moving) > 1.0
-        rows = self._near_the_limit(curve.motion, moving, self.limit, self._watched)
+        rows = self._rows_where((np.abs(moving) > TORQUE_SHARE) | self._watched, curve.motion, moving, self.limit)
         if len(self._heavy):
             states, still = _at_rest(curve.motion[0]), self._holding(curve)
             shares = self._shares(states, still)
-            held = self._near_the_limit(states, shares, still, np.zeros_like(self._watched))
+            held = self._rows_where(np.abs(shares) > REST_SHARE, states, shares, still)
             held[3][:], held[4][:] = 0.0, 0.0
             rows = [np.concatenate(pair) for pair in zip(rows, held, strict=True)]
             order = np.argsort(rows[0], kind="stable")
@@ -81,9 +81,9 @@ class TorqueTerm:
         """Return the torques over their limits (N, L)."""
         return np.asarray(inverse_dynamics(self._robot, *motion)[:, self._limited] / limit[self._limited])
 
-    def _near_the_limit(self, motion: Sequence[Array], share: Array, limit: Array, watched: Mask) -> list[Array]:
-        """Return rows of large shares (N, L), or watched ones: sample, value, and derivatives by q, v and a."""
-        sample, which = np.nonzero((np.abs(share) > TORQUE_SHARE) | watched)
+    def _rows_where(self, near: Mask, motion: Sequence[Array], share: Array, limit: Array) -> list[Array]:
+        """Return the rows of those `near` of shares (N, L): sample, value, and derivatives by q, v and a."""
+        sample, which = np.nonzero(near)
         hot, back = np.unique(sample, return_inverse=True)
         derivatives = self._derivatives([part[hot] for part in motion])
         joint = self._limited[which]
