@@ -126,6 +126,14 @@ class SoftRows:
         """Return no rows, for `free` = M n variables."""
         return cls(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((0, free)), np.zeros(0), exceeded)
 
+    def beside(self, other: "SoftRows") -> "SoftRows":
+        """Return these rows and other ones, sample by sample; `exceeded` is that of these."""
+        order = np.argsort(np.concatenate([self.sample, other.sample]), kind="stable")
+        each = (
+            (getattr(self, name), getattr(other, name)) for name in ("sample", "value", "by_control", "by_duration")
+        )
+        return SoftRows(*(np.concatenate(pair)[order] for pair in each), exceeded=self.exceeded)
+
     def only(self, kept: Mask) -> "SoftRows":
         """Return the rows selected by `kept` (K,)."""
         if kept.all():

@@ -1,6 +1,7 @@
 """Torque limits of the planned joints."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -63,41 +64,38 @@ class TorqueTerm:
             return SoftRows.none(curve.variables)
         moving = self._shares(curve.motion, self.limit)
         exceeded: Mask = np.abs(moving) > 1.0
-        rows = self._rows_where((np.abs(moving) > TORQUE_SHARE) | self._watched, curve.motion, moving, self.limit)
-        if len(self._heavy):
-            states, still = _at_rest(curve.motion[0]), self._holding(curve)
-            shares = self._shares(states, still)
-            held = self._rows_where(np.abs(shares) > REST_SHARE, states, shares, still)
-            held[3][:], held[4][:] = 0.0, 0.0
-            rows = [np.concatenate(pair) for pair in zip(rows, held, strict=True)]
-            order = np.argsort(rows[0], kind="stable")
-            rows = [part[order] for part in rows]
-        sample, value, *by_state = rows
-        if not len(sample):
-            return SoftRows.none(curve.variables, exceeded)
-        return curve.rows(sample, value, (by_state[0], by_state[1], by_state[2]), exceeded)
+        near = (np.abs(moving) > TORQUE_SHARE) | self._watched
+        rows = replace(self._rows_where(near, curve, curve.motion, moving, self.limit), exceeded=exceeded)
+        if not len(self._heavy):
+            return rows
+        states, still = _at_rest(curve.motion[0]), self._holding(curve)
+        shares = self._shares(states, still)
+        return rows.beside(self._rows_where(np.abs(shares) > REST_SHARE, curve, states, shares, still, orders=1))
 
     def _shares(self, motion: Sequence[Array], limit: Array) -> Array:
         """Return the torques over their limits (N, L)."""
         return np.asarray(inverse_dynamics(self._robot, *motion)[:, self._limited] / limit[self._limited])
 
-    def _rows_where(self, near: Mask, motion: Sequence[Array], share: Array, limit: Array) -> list[Array]:
-        """Return the rows of those `near` of shares (N, L): sample, value, and derivatives by q, v and a."""
+    def _rows_where(
+        self, near: Mask, curve: Curve, motion: Sequence[Array], share: Array, limit: Array, orders: int = 3
+    ) -> SoftRows:
+        """Return the rows of those `near` of shares (N, L), of states that depend on q and its rates, `orders` in all."""
         sample, which = np.nonzero(near)
+        if not len(sample):
+            return SoftRows.none(curve.variables)
         hot, back = np.unique(sample, return_inverse=True)
-        derivatives = self._derivatives([part[hot] for part in motion])
         joint = self._limited[which]
         scale = -np.sign(share[sample, which]) / limit[joint]
-        return [
-            sample,
-            1.0 - np.abs(share[sample, which]),
-            *(matrix[back, joint] * scale[:, None] for matrix in derivatives),
-        ]
+        by_q, by_v, by_a = (
+            matrix[back, joint] * (scale[:, None] if order < orders else 0.0)
+            for order, matrix in enumerate(self._derivatives([part[hot] for part in motion]))
+        )
+        return curve.rows(sample, 1.0 - np.abs(share[sample, which]), (by_q, by_v, by_a))
 
     def _holding(self, curve: Curve) -> Array:
         """Return the limits (n,) of torques at rest along a curve."""
         ends = np.abs(inverse_dynamics(self._robot, *_at_rest(curve.control[[0, -1]]))).max(axis=0)
-        return np.maximum(HELD * self.still, ends)
+        return np.asarray(np.maximum(HELD * self.still, ends))
 
     def residuals(self, curve: Curve) -> tuple[Array, tuple[Array, Array, Array]]:
         """Return the torques (N, n) at the samples, and their derivatives (N, n, n) by q, v and a."""
