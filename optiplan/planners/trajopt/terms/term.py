@@ -129,10 +129,12 @@ class SoftRows:
     def beside(self, other: "SoftRows") -> "SoftRows":
         """Return these rows and other ones, sample by sample; `exceeded` is that of these."""
         order = np.argsort(np.concatenate([self.sample, other.sample]), kind="stable")
-        each = (
-            (getattr(self, name), getattr(other, name)) for name in ("sample", "value", "by_control", "by_duration")
-        )
-        return SoftRows(*(np.concatenate(pair)[order] for pair in each), exceeded=self.exceeded)
+
+        def both(name: str) -> Array:
+            return np.asarray(np.concatenate([getattr(self, name), getattr(other, name)])[order])
+
+        sample = both("sample").astype(np.intp, copy=False)
+        return SoftRows(sample, both("value"), both("by_control"), both("by_duration"), self.exceeded)
 
     def only(self, kept: Mask) -> "SoftRows":
         """Return the rows selected by `kept` (K,)."""

@@ -79,7 +79,7 @@ class TorqueTerm:
     def _rows_where(
         self, near: Mask, curve: Curve, motion: Sequence[Array], share: Array, limit: Array, orders: int = 3
     ) -> SoftRows:
-        """Return the rows of those `near` of shares (N, L), of states that depend on q and its rates, `orders` in all."""
+        """Return the rows of those `near` of shares (N, L); with `orders` 1, at rest, they depend on q alone."""
         sample, which = np.nonzero(near)
         if not len(sample):
             return SoftRows.none(curve.variables)
