@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from optiplan.collision.passing_neighbours import apart_neighbours
 from optiplan.errors import InputError, OptiPlanError, PlannerAnswerError
 from optiplan.libraries import clock, time_loading
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
@@ -30,7 +31,7 @@ _NOTHING = 1e-3
 """s; import statements of what is there already take less, and so does looking through no other motions."""
 
 _TOLD = 0.1
-"""s that proofs about a robot take at least to be among the timings; reading what is kept takes less."""
+"""s that what is found out about a robot takes at least to be among the timings; reading what is kept takes less."""
 
 _LATE = 0.05
 """s beyond the budget, of planning, proving and measuring, that are not worth a word."""
@@ -62,8 +63,9 @@ def run(
         planner: name in the registry, or a planner itself, which the run calls by its class.
         options: of the planner of that name; a planner itself has its own.
         budget: counted from the planner's start; loading libraries is no part of it, and its time, s, is `libraries` in
-            the timings, not in `plan`. Neither is what is proved once for a robot (`robot`). The planner leaves as much
-            of it as the last proof took; where that is not enough, `beyond the budget` are the seconds after its end.
+            the timings, not in `plan`. Neither is what is found out once for a robot (`robot`). The planner leaves as
+            much of it as the last proof took; where that is not enough, `beyond the budget` are the seconds after its
+            end.
         progress: called with the planner's stages, then `verify`; see `ProofsOnTheWay` for what else it may be told.
         earlier: a motion that planners may begin at, of a problem not far from this one.
 
@@ -238,9 +240,10 @@ def plan_and_verify_once(
 
 
 def _prepare(problem: Problem) -> dict[str, float]:
-    """Prove what is kept of the robot's neighbouring links, if nobody has; returns the seconds, where it took some."""
+    """Prove and survey what is kept of the robot's links, if nobody has; returns the seconds, where it took some."""
     began = clock()
     kept_clearances(problem.robot)
+    apart_neighbours(problem.robot)
     took = clock() - began
     return {"robot": took} if took > _TOLD else {}
 

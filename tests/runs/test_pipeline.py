@@ -1,5 +1,6 @@
 import json
 import sys
+import time
 
 import pytest
 
@@ -8,6 +9,7 @@ from optiplan.planners.base import Budget
 from optiplan.planners.point_to_point.quintic import Quintic
 from optiplan.planners.registry import PLANNERS
 from optiplan.problem.load import problem_from_dict
+from optiplan.runs import pipeline
 from optiplan.runs.pipeline import run
 from optiplan.runs.run import versions
 from optiplan.verify.report import jsonable
@@ -40,6 +42,21 @@ def test_stages_are_told_and_timed(problem):
     assert told[-1] == "verify"
     assert set(result.timings) == {"plan", "verify", "measure"}
     assert sum(result.stages.values()) <= result.timings["plan"]
+
+
+def test_what_is_found_out_once_for_a_robot_costs_no_budget(problem, monkeypatch):
+    """A folder without what is kept on disk: the survey of a robot with meshes takes longer than a short budget."""
+
+    def late(robot):
+        began = time.process_time()
+        while time.process_time() < began + 0.15:
+            pass
+        return frozenset()
+
+    monkeypatch.setattr(pipeline, "apart_neighbours", late)
+    timings = run(problem, "quintic", {}, Budget(0.1), silent).timings
+    assert timings["robot"] >= 0.15
+    assert set(timings) >= {"plan", "verify"}, "the motion was planned and proved within what was left"
 
 
 def test_the_record_is_json_and_names_what_made_it(problem):
