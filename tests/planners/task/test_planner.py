@@ -244,7 +244,7 @@ def test_runs_of_several_problems_have_their_own_obstacles(run):
 
 
 def test_a_sampled_planner_does_the_moves_too(run):
-    found = op.plan(run.problem, "rrtconnect", budget=60.0)
+    found = planned_until(run.problem, "rrtconnect", 60.0)
     assert found.verified, (found.failure, found.report)
     assert isinstance(found.trajectory, Trajectory)
 
