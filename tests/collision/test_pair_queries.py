@@ -9,11 +9,10 @@ import pytest
 from optiplan.collision import pair_queries
 from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
-from optiplan.planners.base import Budget
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
-from optiplan.runs.pipeline import run
 from optiplan.verify.verify import verify
+from tests.planned import planned_until
 
 
 @pytest.fixture(params=["02_shelf", "13_mesh"])
@@ -89,8 +88,8 @@ def test_loading_a_problem_makes_no_solvers(problem: Problem) -> None:
 
 
 def test_a_proof_is_the_same_with_pairs_on_demand(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
-    done = run(problem, "trajopt", {"seeds": 1}, Budget(30.0), lambda stage, share: None)
-    assert done.trajectory is not None
+    done = planned_until(problem, seconds=30.0)
+    assert done.verified
     monkeypatch.setattr(pair_queries, "MANY", 0)
     again = verify(problem.with_scene(problem.scene), done.trajectory)
     assert again.verified

@@ -61,10 +61,11 @@ def key_of(name):
     return name.split(",")[0]
 
 
-def assert_held_and_proved(name: str, planner: str) -> None:
+def assert_held_and_proved(name: str, planner: str) -> op.Run:
     """Plan the case of that name, and find its constraint among the checks, of the kind it is proved by."""
     run = planned_until(stated(name), planner)
     assert run.verified, run.failure
     checks = [check for check in run.report.checks if check.name.endswith("constraint")]
     assert checks
     assert all(check.kind == KIND.get(key_of(name), "continuous") for check in checks)
+    return run

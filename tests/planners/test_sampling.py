@@ -139,13 +139,12 @@ def giving_up(most):
 
 
 def test_a_long_narrow_place_is_left_by_taking_turns():
-    problem, how = cases.duct(), {"seed": 3, "detour": np.inf}
-    alone = sample(problem, searcher=giving_up(7000), alternate=None, **how)
+    problem, how = cases.duct(), {"seed": 3, "detour": np.inf, "attempts": 10}
+    alone = sample(problem, searcher=giving_up(2500), alternate=None, **how)
     assert isinstance(alone, Failure)
-    path, again = (sample(problem, searcher=giving_up(7000), **how) for _ in range(2))
+    path = sample(problem, searcher=giving_up(2500), **how)
     assert polyline_contact(CollisionModel(problem.robot, problem.scene), path.waypoints) is None
     assert np.array_equal(path.waypoints[-1], cases.IN_DUCT)
-    assert np.array_equal(path.waypoints, again.waypoints)
 
 
 def test_a_path_that_is_needed_soon_gets_shortcuts_while_they_gain(monkeypatch):
@@ -172,19 +171,27 @@ def test_a_path_that_is_needed_soon_gets_shortcuts_while_they_gain(monkeypatch):
 
 def test_rounds_take_turns_and_so_do_the_goals():
     """A goal that comes first in one round is the last in the next; the other searcher has more iterations."""
-    rounds = []
-
-    def never(name):
-        def searcher(check, ends, budget, seed, *, patience):
-            rounds.append((name, patience, [float(goal[0]) for goal in ends[1]]))
-            return Search(None, ends[0][None], ends[1], (1, 1), impatient=len(rounds) < 5)
-
-        return searcher
-
     goals = [cases.LEFT, cases.LEFT + 0.05, cases.LEFT + 0.1]
-    fresh = iter([[cases.LEFT + 0.15], [], [], []])
-    options = {"searcher": never("mine"), "alternate": never("other"), "more_goals": lambda count, stop: next(fresh)}
-    assert sample(cases.wall(), goals=goals, **options).kind == "no-path"
+
+    def rounds_in_vain(seed):
+        rounds, seeds = [], []
+
+        def never(name):
+            def searcher(check, ends, budget, seed, *, patience):
+                rounds.append((name, patience, [float(goal[0]) for goal in ends[1]]))
+                seeds.append(seed)
+                return Search(None, ends[0][None], ends[1], (1, 1), impatient=len(rounds) < 5)
+
+            return searcher
+
+        fresh = iter([[cases.LEFT + 0.15], [], [], []])
+        both = {"searcher": never("mine"), "alternate": never("other"), "more_goals": lambda count, stop: next(fresh)}
+        assert sample(cases.wall(), goals=goals, seed=seed, **both).kind == "no-path"
+        return rounds, seeds
+
+    (rounds, seeds), again, other = (rounds_in_vain(seed) for seed in (3, 3, 4))
+    assert again == (rounds, seeds)
+    assert len({*seeds, *other[1]}) == 10, "each round draws anew"
     assert [name for name, _, _ in rounds] == ["mine", "mine", "other", "mine", "other"]
     assert [patience for _, patience, _ in rounds] == [500, 1500, 30000, 4500, 90000]
     first, second, third, fourth = 1.2, 1.25, 1.3, 1.35

@@ -154,15 +154,22 @@ class Circle:
     def __init__(self, arm: Robot, circle: Entry, gain: float = 0.0) -> None:
         self.arm, self.radius, self.turning, self.gain = arm, circle["radius"], 2.0 * np.pi / circle["T"], gain
         self.top, self.peak = np.array(circle["p0"]), 0.0
+        self._last: tuple[np.ndarray, np.ndarray] | None = None
 
     def point(self, t: float) -> np.ndarray:
         angle = self.turning * t
         return self.top + self.radius * np.array([0.0, -np.sin(angle), np.cos(angle) - 1.0])
 
+    def tool(self, q: np.ndarray) -> np.ndarray:
+        """Where it is, which is asked at the end of a step and at the beginning of the next one."""
+        if self._last is None or self._last[0] is not q:
+            self._last = q, forward(self.arm.dh, q)[:3, 3]
+        return self._last[1]
+
     def rates(self, t: float, q: np.ndarray) -> np.ndarray:
         angle, speed = self.turning * t, self.radius * self.turning
         velocity = speed * np.array([0.0, -np.cos(angle), -np.sin(angle)])
-        error = self.point(t) - forward(self.arm.dh, q)[:3, 3]
+        error = self.point(t) - self.tool(q)
         dq = np.linalg.solve(arm_jacobian(self.arm, q), np.concatenate([velocity + self.gain * error, np.zeros(3)]))
         self.peak = max(self.peak, float(np.abs(dq).max()))
         return dq
@@ -178,8 +185,8 @@ class Circle:
                 k3 = self.rates(t + dt / 2, q + dt / 2 * k2)
                 step = (k1 + 2.0 * k2 + 2.0 * k3 + self.rates(t + dt, q + dt * k3)) / 6.0
             q = q + dt * step
-            worst = max(worst, float(np.linalg.norm(forward(self.arm.dh, q)[:3, 3] - self.point(t + dt))))
-        return float(np.linalg.norm(forward(self.arm.dh, q)[:3, 3] - self.top)), worst
+            worst = max(worst, float(np.linalg.norm(self.tool(q) - self.point(t + dt))))
+        return float(np.linalg.norm(self.tool(q) - self.top)), worst
 
 
 def test_delbot_circle_reference(arm, table):

@@ -167,7 +167,7 @@ def test_sclerp_J1(arms):
     for _ in range(expected["random_starts_converged"]["of"]):
         starts.append(rng.uniform(limits["lower"], limits["upper"]))
         goals.append(free.pose(starts[-1] + rng.normal(0.0, 0.35, 7)))
-    options, converged = replace(PRINTED, iterations=1500), {}
+    options, converged = replace(PRINTED, iterations=1250), {}
     for key, scheme in (("report", printed_scheme), ("corrected", iterate_scheme)):
         found = [scheme(free, q, X, options) for q, X in zip(starts, goals, strict=True)]
         converged[key] = [run.iterations for run in found if run.converged]

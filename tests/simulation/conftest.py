@@ -66,6 +66,6 @@ task:
 @pytest.fixture(scope="session")
 def fetch():
     """A verified run: the Panda takes a cube from a table and puts it down 5 cm farther."""
-    run = op.plan(problem_from_dict(YAML(typ="safe").load(FETCH)), budget=20.0)
+    run = op.plan(problem_from_dict(YAML(typ="safe").load(FETCH)), budget=20.0)  # the quicker, the shorter to execute
     assert run.verified, run
     return run

@@ -13,7 +13,6 @@ from optiplan.simulation.closed_loop import Loop, Push, simulate
 from optiplan.simulation.controllers.joints import ComputedTorque, DriveLoops, PidController, VelocityTracking
 from optiplan.simulation.execution import ExecutionOptions, execute, torque_plant
 from optiplan.simulation.execution_report import execution_report
-from optiplan.simulation.log import MOST_PIECES
 from optiplan.simulation.plants.base import Friction, Payload, PlantOptions
 from optiplan.simulation.plants.dynamics import RigidBodyDynamics
 from optiplan.simulation.plants.ideal import IdealPlant
@@ -235,13 +234,16 @@ def test_the_log_of_a_loop_that_explodes_is_finite(planar):
     assert np.isfinite(log.trajectory.coefficients).all()
 
 
-def test_a_long_loop_is_logged_thinly_and_judged_whole(planar):
-    hold = StepReference(np.zeros(2), np.zeros(2), 0.0, 65.0)
+def test_a_long_loop_is_logged_thinly_and_judged_whole(planar, monkeypatch):
+    """As a minute would be, of which every step is a sample no more."""
+    monkeypatch.setattr("optiplan.simulation.recorder.MOST_SAMPLES", 6000)
+    monkeypatch.setattr("optiplan.simulation.log.MOST_PIECES", 600)
+    hold = StepReference(np.zeros(2), np.zeros(2), 0.0, 6.5)
     plant = IdealPlant(np.zeros(2), 1e-3)
     log = simulate(loop(planar, hold, VelocityTracking(10.0), plant))
-    assert len(log.t) <= 60_000
-    assert log.t[-1] == pytest.approx(65.0, abs=2e-3)
-    assert len(log.trajectory.breakpoints) <= MOST_PIECES + 2
+    assert 3000 < len(log.t) <= 6000
+    assert log.t[-1] == pytest.approx(6.5, abs=2e-3)
+    assert 500 < len(log.trajectory.breakpoints) <= 602
     assert log.trajectory.duration == pytest.approx(log.t[-1])
 
 

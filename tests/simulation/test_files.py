@@ -10,6 +10,7 @@ from optiplan.errors import InputError
 from optiplan.resources import control_dir
 from optiplan.simulation.files.read import read_control
 from optiplan.simulation.simulation import run_control
+from tests.planned import planned_until
 
 EXAMPLES = sorted(control_dir().glob("*.yaml"))
 STEP = """version: 1
@@ -263,7 +264,7 @@ def test_noise_repeats_with_its_seed(file):
 
 
 def test_a_stored_run_is_followed(tmp_path, file):
-    op.plan(op.load_problem("12_planar"), planner="trajopt", budget=5.0).save(tmp_path / "run")
+    planned_until(op.load_problem("12_planar")).save(tmp_path / "run")
     text = "version: 1\nproblem: 12_planar\nreference: {trajectory: run}\ncontroller: {computed_torque: {}}\n"
     done = run_control(file(text))
     assert done.clean
@@ -297,7 +298,7 @@ plant: {engine: ideal}
 
 
 def test_execute_and_its_arguments():
-    run = op.plan(op.load_problem("12_planar"), budget=5.0)
+    run = planned_until(op.load_problem("12_planar"))
     assert not op.execute(run).touched
     late = op.execute(run, delay=0.002, payload=0.2, frequency=5.0)
     assert late.tracking.tool_rms > op.execute(run).tracking.tool_rms

@@ -1,5 +1,6 @@
 """A robot at one instant, as CasADi expressions: what terms of the optimiser and users' own expressions are made of."""
 
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -164,13 +165,17 @@ class BatchedExpression:
         self.content = function.serialize() + repr(self._constants.tolist())
         self._function, self._n = as_machine_code(function), robot.n
         self._calls: dict[int, Any] = {}
+        self._of_thread = threading.local()
 
     def __call__(self, motion: Sequence[Array]) -> tuple[Array, list[Array]]:
         """Return values (N, m), and derivatives (N, m, n) by q, v and a, of states (N, n) of each."""
         count = len(motion[0])
         if not count:
             return np.zeros((0, self.size)), [np.zeros((0, self.size, self._n))] * 3
-        function = self._calls.setdefault(count, self._function.map(count) if count > 1 else self._function)
+        if count == 1:
+            return self._of_one(motion)
+        if (function := self._calls.get(count)) is None:
+            function = self._calls[count] = self._function.map(count)
         buffer, call = function.buffer()
         given = [np.ascontiguousarray(motion[order], float) for order in self.orders]
         given.append(np.tile(self._constants, count))
@@ -184,6 +189,40 @@ class BatchedExpression:
         for order, slope in zip(self.orders, found[1:], strict=True):
             slopes[order] = slope.transpose(0, 2, 1)
         return found[0], slopes
+
+    def _of_one(self, motion: Sequence[Array]) -> tuple[Array, list[Array]]:
+        """Return the same of one state, which planners ask a hundred thousand times: nothing is bound anew."""
+        call: _SingleCall | None = getattr(self._of_thread, "call", None)
+        if call is None:
+            call = self._of_thread.call = _SingleCall(self._function, self._constants, len(self.orders), self._n)
+        value, found = call([motion[order] for order in self.orders])
+        slopes: list[Array] = [np.zeros((1, self.size, self._n)) for _ in range(3)]
+        for order, slope in zip(self.orders, found, strict=True):
+            slopes[order] = slope.transpose(0, 2, 1)
+        return value, slopes
+
+
+class _SingleCall:
+    """A function of one state, bound to arrays of its own: for one thread at a time."""
+
+    def __init__(self, function: Any, constants: Array, parts: int, n: int) -> None:
+        buffer, self._call = function.buffer()
+        size = function.size1_out(0)
+        self._given = [*(np.zeros((1, n)) for _ in range(parts)), constants.copy()]
+        self._found = [np.zeros((1, size)), *(np.zeros((1, n, size)) for _ in range(parts))]
+        self._buffer = buffer  # which the arrays are bound to
+        for k, array in enumerate(self._given):
+            buffer.set_arg(k, memoryview(array.data))
+        for k, array in enumerate(self._found):
+            buffer.set_res(k, memoryview(array.data))
+
+    def __call__(self, parts: Sequence[Array]) -> tuple[Array, list[Array]]:
+        """Return values (1, m), and derivatives (1, n, m) by each part (1, n) of the state."""
+        for array, part in zip(self._given, parts, strict=False):  # constants follow
+            array[:] = part
+        self._call()
+        value, *slopes = (array.copy() for array in self._found)
+        return value, slopes
 
 
 def _require_no_steps(value: Any, inputs: list[Any]) -> None:

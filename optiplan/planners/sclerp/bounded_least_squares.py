@@ -25,5 +25,8 @@ def bounded_least_squares(A: Array, b: Array, bounds: tuple[Array, Array], towar
     root, n = np.sqrt(weight), A.shape[1]
     stacked, right = np.vstack([A, root * np.eye(n)]), np.concatenate([b, root * towards])
     above = np.nextafter(high, np.inf)  # lsq_linear takes no bounds that are equal
+    x: Array = np.linalg.lstsq(stacked, right, rcond=-1)[0]  # as lsq_linear begins, and ends where it is within bounds
+    if ((low <= x) & (x <= above)).all():
+        return np.asarray(np.clip(x, low, high))
     found = lsq_linear(stacked, right, (low, above), method="bvls", tol=_ROUNDING, max_iter=100 * n)
     return np.asarray(np.clip(found.x, low, high))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, cross
 from optiplan.planners.cartesian.tool_path import line
 
 _LEAST = 1e-6
@@ -75,7 +75,7 @@ class Corner:
         rotation = second @ pin.exp3(f[0] * a.turning) @ self.X_WC.rotation
         first, spin = second @ a.turning, g[1] * b.turning
         twist = np.concatenate([f[1] * a.direction + g[1] * b.direction, spin + f[1] * first])
-        spin_rate = g[2] * b.turning + f[1] * np.cross(spin, first) + f[2] * first
+        spin_rate = g[2] * b.turning + f[1] * cross(spin, first) + f[2] * first
         return pin.SE3(rotation, position), twist, np.concatenate([f[2] * a.direction + g[2] * b.direction, spin_rate])
 
 
@@ -87,6 +87,7 @@ class BlendedLine:
 
     def __init__(self, way: LineSegment, begins: Corner | None, ends: Corner | None) -> None:
         self.way, self.begins, self.ends = way, begins, ends
+        self._last: tuple[float, tuple[pin.SE3, Array, Array]] | None = None
 
     def pose(self, s: float) -> pin.SE3:
         """X_WF(s)."""
@@ -101,6 +102,12 @@ class BlendedLine:
         return self._state(s)[2] * self.way.length**2
 
     def _state(self, s: float) -> tuple[pin.SE3, Array, Array]:
+        last = self._last
+        if last is None or last[0] != s:  # whoever follows the line asks for pose, twist and rate at the same place
+            last = self._last = s, self._state_at(s)
+        return last[1]
+
+    def _state_at(self, s: float) -> tuple[pin.SE3, Array, Array]:
         way, at = self.way, s * self.way.length
         if self.begins is not None and at <= self.begins.radius:
             return self.begins.state(at)

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, cross
 from optiplan.geometry.poses import ReadOnlyPoses
 
 _MOST_ROOM = 2e-3
@@ -123,7 +123,7 @@ class RegionGoal(ReadOnlyPoses):
 def _tilt(a: Array, axis: int) -> Array:
     """Return the vector (3,), rad, of the shortest rotation from an axis to the direction a (3,)."""
     e = np.eye(3)[axis]
-    across = np.cross(e, a)
+    across = cross(e, a)
     sine = float(np.linalg.norm(across))
     if sine < 1e-12:
         return np.zeros(3) if a[axis] > 0.0 else np.pi * np.eye(3)[(axis + 1) % 3]
@@ -137,7 +137,7 @@ def _tilt_rates(a: Array, axis: int) -> Array:
     df/dc = (angle c - sine) / sine^3, -1/3 at c = 1.
     """
     e = np.eye(3)[axis]
-    across = np.cross(e, a)
+    across = cross(e, a)
     sine, c = float(np.linalg.norm(across)), float(a[axis])
     angle = float(np.arctan2(sine, c))
     if sine < 1e-4:

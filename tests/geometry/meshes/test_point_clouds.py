@@ -18,6 +18,7 @@ from optiplan.geometry.meshes.octomap import read_bt, read_ot
 from optiplan.geometry.meshes.point_clouds import read_pcd, read_points_npz, read_points_ply
 from optiplan.geometry.meshes.triangles import MeshError
 from optiplan.geometry.shapes import build_geometry
+from tests.planned import planned_until
 
 POINTS = np.random.default_rng(0).uniform(-0.5, 0.5, (300, 3)).astype(np.float32).astype(np.float64)
 
@@ -332,7 +333,7 @@ def test_a_motion_past_a_cloud_is_planned_and_proved_and_one_through_it_refused(
     np.savez(tmp_path / "pole.npz", points=pole())
     (tmp_path / "p.yaml").write_text(SCENE.format(shape="{points: {file: pole.npz, radius: 0.01}}"))
     problem = op.load_problem(tmp_path / "p.yaml")
-    run = op.plan(problem, budget=5.0)
+    run = planned_until(problem)
     assert run.verified
     free = op.plan(problem.with_scene(op.Scene()), planner="quintic")
     assert free.verified

@@ -14,7 +14,7 @@ from optiplan.problem.write import problem_text
 
 ROOT = Path(__file__).parents[3]
 SAMPLING = {
-    "bitstar": {"batches": 3},
+    "bitstar": {"batches": 1},
     "informed_rrtstar": {"iterations": 60},
     "kpiece": {},
     "prm": {"vertices": 120},
@@ -70,9 +70,11 @@ def test_the_first_direction_that_a_box_is_asked_in_decides_nothing() -> None:
 
 
 def test_sampling_planners_answer_the_same_in_fresh_and_used_processes(problems: Path) -> None:
-    files = [str(problems / name) for name in ("02_shelf.yaml", "12_planar.yaml")]
-    jobs = [(file, planner, options) for planner, options in SAMPLING.items() for file in files]
+    shelf, planar = (str(problems / f"{name}.yaml") for name in ("02_shelf", "12_planar"))
+    jobs = [(file, planner, options) for planner, options in SAMPLING.items() for file in (shelf, planar)]
+    jobs.remove((shelf, "rrtstar", SAMPLING["rrtstar"]))  # seconds, and the same code as the informed one
     forwards, backwards = plans(jobs), plans(jobs[::-1])
+    assert len(forwards) == len(jobs)
     assert forwards == backwards
     assert all(duration and not cut for duration, _, cut in forwards.values())
 
@@ -88,7 +90,5 @@ def test_trajopt_answers_the_same_alone_and_after_another_problem(shared: Path, 
         data, _ = importer.convert(folder / f"scene{number}.yaml", folder / f"request{number}.yaml")
         files.append(str(tmp_path / f"{name}_{number}.yaml"))
         write_text(Path(files[-1]), problem_text(data, ""))
-    alone = plans([(files[0], "trajopt", {})])
-    used = plans([(file, "trajopt", {}) for file in files[::-1]])
-    assert used[files[0], "trajopt"] == alone[files[0], "trajopt"]
-    assert used == plans([(file, "trajopt", {}) for file in files])
+    jobs = [(file, "trajopt", {}) for file in files]
+    assert plans(jobs) == plans(jobs[::-1])  # the first of each is alone, the last of each comes after two others

@@ -37,12 +37,10 @@ def test_the_way_of_the_tool_has_the_derivatives_that_it_states():
         np.testing.assert_allclose(path.twist_rate(s), (path.twist(s + h) - path.twist(s - h)) / (2.0 * h), atol=1e-5)
 
 
-def test_the_conveyor_of_the_examples_is_picked_from(problems):
-    path = problems / "56_conveyor_pick.yaml"
-    assert len(path.read_text().splitlines()) <= 40
-    problem = op.load_problem(path)
-    run = op.plan(problem, budget=300.0)
-    assert run.verified, run.failure or run.report.failures
+def test_the_conveyor_of_the_examples_is_picked_from(problems, example):
+    assert len((problems / "56_conveyor_pick.yaml").read_text().splitlines()) <= 40
+    run = example("56_conveyor_pick")
+    problem = run.problem
     take, let_go = (one.begin for one in run.trajectory.segments if one.kind in ("attach", "detach"))
     hand = np.array(problem.robot.fk(run.trajectory(take)).position)
     assert hand[1] == pytest.approx(-0.7 + 0.3 * take, abs=0.03)

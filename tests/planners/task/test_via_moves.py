@@ -40,14 +40,14 @@ SCENE = op.Scene([op.Box("table", size=(0.6, 1.2, 0.04), position=(0.55, 0.0, -0
 
 @pytest.fixture(scope="module")
 def tour():
-    problem = op.Problem("panda", "ready", "ready", scene=SCENE, vias=poses(4))
+    problem = op.Problem("panda", "ready", "ready", scene=SCENE, vias=poses(3))
     return problem, run(problem, "trajopt", {}, Budget(BUDGET), quiet)
 
 
 def test_vias_are_as_quick_as_the_same_points_as_moves(tour):
     _, past = tour
     task = op.Task()
-    for pose in poses(4):
+    for pose in poses(3):
         task = task.move(pose)
     steps = run(
         op.Problem("panda", "ready", scene=SCENE, task=task.move("ready")), "trajopt", {}, Budget(BUDGET), quiet
@@ -66,7 +66,7 @@ def test_better_motions_follow_the_first(tour):
     assert durations == sorted(durations, reverse=True)
 
 
-def test_a_leg_that_needs_more_than_its_part_of_the_time_gets_it():
+def test_a_leg_that_needs_more_than_its_part_of_the_time_gets_it(by_hand):
     """Of ten seconds, each of five legs would have less than two; one needs 1.65 s."""
 
     class Slow(Planner):
@@ -78,7 +78,7 @@ def test_a_leg_that_needs_more_than_its_part_of_the_time_gets_it():
             hard = np.abs(problem.goal[0].q - MIDDLE).max() < 1e-9
             began = clock()
             while hard and clock() - began < 1.65 and not budget.over:
-                pass
+                by_hand[0] += 0.01
             if hard and budget.over:
                 return PlanResult(None, Failure("budget", "out of time"))
             c = np.zeros((1, 6, problem.robot.n))

@@ -20,7 +20,7 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_the_best_of_all_orders(name):
     ladder = ladder_of(CASES[name][0], **CASES[name][1])
-    layers = random_layers(4, 3, 1)
+    layers = random_layers(4, 2, 1)
     best = best_of_all(ladder, layers)
     found = best_tour(ladder, layers)
     assert found.seconds == pytest.approx(best, rel=1e-12)

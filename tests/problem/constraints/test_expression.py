@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import optiplan as op
+from tests.planned import planned_until
 
 GOAL = op.Pose((0.4, 0.4, 0.5), rpy=(np.pi, 0.0, 0.0))
 
@@ -17,11 +18,11 @@ def problem():
 def test_level_is_held_and_said_to_be_sampled(problem):
     level = op.Expression("level", lambda k: -k.pose("tool").R[2, 2], lower=0.999)
     problem = problem.with_goal(op.Pose((0.3, 0.5, 0.5), rpy=(np.pi, 0.0, 0.0)))
-    free = op.plan(problem, budget=3.0)
+    free = op.plan(problem, budget=3.0)  # the first motion would happen to be level
     (before,) = [c for c in op.verify(problem.with_constraint(level), free.trajectory).checks if "level" in c.name]
     assert not before.passed
     assert before.worst < 0.999 == before.limit
-    run = op.plan(problem.with_constraint(level), budget=5.0)
+    run = planned_until(problem.with_constraint(level))
     assert run.verified, run.failure
     (check,) = [check for check in run.report.checks if check.name == "level constraint"]
     assert check.kind == "sampled"
@@ -34,7 +35,7 @@ def test_vectors_rates_torques_and_intervals(problem):
         op.Expression("easy", lambda k: k.torque()[1], lower=-60.0, upper=60.0, during=(0.2, 0.8)),
         op.Expression("elbow", lambda k: k.joint("panda_joint4") + k.q[1], upper=-2.0),
     )
-    run = op.plan(problem.with_constraints(*own, {"tool_speed": {"linear": 0.8}}), budget=8.0)
+    run = planned_until(problem.with_constraints(*own, {"tool_speed": {"linear": 0.8}}))
     assert run.verified, run.failure
     names = [check.name for check in run.report.checks if check.name.endswith("constraint")]
     assert names == ["tool speed constraint", "slow hand constraint", "easy constraint", "elbow constraint"]
@@ -99,7 +100,7 @@ def test_a_motion_that_is_too_fast_for_it_is_slowed_down(problem, planner):
         return k.twist("tool").linear.T @ k.twist("tool").linear
 
     calm = problem.with_constraint(op.Expression("calm", energy, upper=0.04))
-    run = op.plan(calm, planner, budget=4.0)
+    run = planned_until(calm, planner)
     assert run.verified, run.failure
     (check,) = [check for check in run.report.checks if check.name == "calm constraint"]
     assert 0.02 < check.worst <= 0.04

@@ -5,6 +5,7 @@ import pytest
 
 import optiplan as op
 from optiplan.errors import InputError
+from tests.planned import planned_until
 
 START, GOAL = [0.0, -1.5, 1.5, -1.5, -1.5, 0.0], [0.3, -1.2, 1.0, -1.2, -1.5, 0.2]
 MOVING = op.State(START, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 3.0, 0.0, 0.0, 0.0, 0.0])
@@ -67,7 +68,7 @@ def test_a_motion_of_years_is_proved_in_a_moment():
     slow = {"tool_speed": {"linear": 1e-9}}, {"tool_acceleration": {"linear": 1.0}}
     run = op.plan(op.Problem("ur5", START, GOAL, path_constraints=slow), "quintic")
     assert run.trajectory is None
-    run = op.plan(op.Problem("ur5", START, GOAL, path_constraints=slow), "trajopt", budget=3.0)
+    run = planned_until(op.Problem("ur5", START, GOAL, path_constraints=slow))
     assert run.verified, run.failure
     assert run.trajectory.duration > 1e7
     assert np.isfinite(run.trajectory(run.trajectory.duration)).all()

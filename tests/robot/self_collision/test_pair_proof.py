@@ -102,7 +102,7 @@ def test_meshes_touch_where_their_distance_says_so(tmp_path):
     pairs = [pair for bodies in link_pairs(robot.model, robot.geometry).values() for pair in bodies]
     proof = proof_of(robot, pairs)
     half = np.where(np.isfinite(proof.half), proof.half, 1.0)
-    Q = proof.middle + half * np.random.default_rng(5).uniform(-1.0, 1.0, (6, robot.n))
+    Q = proof.middle + half * np.random.default_rng(5).uniform(-1.0, 1.0, (3, robot.n))
     _, asked, placed = proof.bounds.meeting(Q, GAP)
     near = proof.distances(placed, asked, np.full(len(asked), GAP)) <= GAP
     assert 0 < near.sum() < len(near)

@@ -9,6 +9,7 @@ import pytest
 
 import optiplan as op
 from optiplan.errors import InputError, OptiPlanError
+from tests.planned import planned_until
 
 PATIENCE = 0.1
 """s, of a machine that is busy with other tests."""
@@ -16,7 +17,7 @@ PATIENCE = 0.1
 
 @pytest.fixture(scope="module")
 def run():
-    run = op.plan(op.load_problem("01_reach"), budget=5.0)
+    run = planned_until(op.load_problem("01_reach"))
     assert run.verified
     return run
 

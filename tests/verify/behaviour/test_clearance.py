@@ -11,6 +11,7 @@ from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
 from optiplan.problem.task.timeline import scene_parts
 from optiplan.verify.verify import verify
+from tests.planned import planned_until
 
 
 def collision(report):
@@ -61,7 +62,7 @@ def test_a_motion_that_shaves_is_refused_and_one_planned_for_it_is_proved(shelf)
 def test_scene_and_self_are_asked_apart(planner, shelf):
     """More than the shelf leaves: a hand keeps it outside, and its fingers reach in."""
     safety = op.Safety(0.08, own=0.001, pairs=(op.SafePairs(("*finger",), ("*",), 0.0),))
-    run = op.plan(shelf.problem.with_parts(clearance=safety), planner, budget=1.5)
+    run = planned_until(shelf.problem.with_parts(clearance=safety), planner, 1.5)
     assert run.verified, run
     assert collision(run.report).witness["scene_clearance"] < 0.08  # fingers may come nearer
     assert least_left(run.problem, run.trajectory) > 0.0
@@ -121,7 +122,7 @@ def task():
         {"retreat": {"distance": 0.08}},
     ]
     problem = op.Problem("panda", "ready", task=steps, scene=op.Scene([table, block], safety=0.005))
-    return op.plan(problem, budget=4.0)
+    return planned_until(problem, seconds=4.0)
 
 
 def test_a_named_pair_is_measured_though_it_is_proved_never_to_meet():

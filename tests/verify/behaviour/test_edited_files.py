@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from shutil import copytree
 
 import numpy as np
 import pytest
@@ -57,13 +58,19 @@ def motion(task):
     return joined([out, still, home], segments)
 
 
-@pytest.fixture
-def folder(task, motion, tmp_path):
-    report = verify(task, motion)
+@pytest.fixture(scope="module")
+def saved(task, motion, tmp_path_factory):
+    folder, report = tmp_path_factory.mktemp("saved") / "run", verify(task, motion)
     assert report.verified, report.failures
-    save_run(Run(task, "own", {}, motion, None, report, None, measure(task, motion, report), {}, {}), tmp_path)
-    assert judged(task, load_run(tmp_path)).verified
-    return tmp_path
+    save_run(Run(task, "own", {}, motion, None, report, None, measure(task, motion, report), {}, {}), folder)
+    assert judged(task, load_run(folder)).verified
+    return folder
+
+
+@pytest.fixture
+def folder(saved, tmp_path):
+    """A copy of the run, to edit."""
+    return copytree(saved, tmp_path / "run")
 
 
 def edited(folder, file, change):

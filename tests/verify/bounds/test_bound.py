@@ -14,6 +14,7 @@ from optiplan.robot.limits import Limits
 from optiplan.verify.bounds.bound import bound_of, unsupported
 from optiplan.verify.bounds.duration_bound import DurationBound
 from optiplan.verify.bounds.search import LONGEST
+from tests.planned import planned_until
 
 needs_core = pytest.mark.skipif(core is None, reason="needs the native core")
 
@@ -61,9 +62,9 @@ def fastest_on_a_grid(problem, count):
 
 @needs_core
 def test_the_bound_is_below_and_near_what_brute_force_finds_on_a_planar_arm(blocked):
-    fastest = fastest_on_a_grid(blocked, 121)
+    fastest = fastest_on_a_grid(blocked, 81)
     found = bound_of(blocked, 5.0, known=1.05 * fastest)
-    step = 5.2 / 120 / blocked.limits.velocity.min()
+    step = 5.2 / 80 / blocked.limits.velocity.min()
     assert fastest > 1.1 * found.alone, "the block is in the way"
     assert found.seconds <= fastest + 4.0 * step  # the ends are rounded to the grid
     assert found.seconds > 0.93 * fastest
@@ -152,14 +153,14 @@ def test_what_no_bound_is_known_of_is_refused(name, field):
 
 
 def test_a_motion_of_another_problem_is_refused():
-    run = op.plan(op.load_problem("12_planar"), budget=3.0)
+    run = planned_until(op.load_problem("12_planar"))
     with pytest.raises(op.InputError, match=r"^op\.bound: motion: "):
         op.bound(op.load_problem("12_planar").with_limits(velocity=0.5), motion=run)
 
 
 def test_a_motion_of_another_problem_is_refused_where_neither_has_a_hash():
     one = derived(op.load_problem("12_planar"), seed=1)
-    run = op.plan(one, budget=3.0)
+    run = planned_until(one)
     assert run.verified
     with pytest.raises(op.InputError, match=r"^op\.bound: motion: "):
         op.bound(derived(one, limits=one.limits.scaled(velocity=0.5)), motion=run)

@@ -70,7 +70,7 @@ def grazes():
         q = motion(0.37 * motion.duration)
         place = model.kinematics.poses(q[None])[0, -1, :3, 3] + np.array([0.0, 0.0, 0.6])
         with_ball = CollisionModel(problem.robot, problem.with_scene([ball(place)]).scene)
-        Q = motion(np.linspace(0.0, motion.duration, 4000))
+        Q = motion(np.linspace(0.0, motion.duration, 1500))
         near = with_ball.clearance(min(Q, key=lambda q: with_ball.clearance(q).distance))
         on_ball = near.point_b if near.pair.name_b == "grazed" else near.point_a
         found.append((motion, place, near.distance, (on_ball - place) / np.linalg.norm(on_ball - place)))

@@ -15,6 +15,7 @@ from optiplan.runs.run_folder import load_run, save_run
 from optiplan.runs.stored_runs import judged
 from optiplan.trajectory.joining import join_trajectories, standstill
 from optiplan.verify.verify import verify
+from tests.planned import planned_until
 
 SPEED, TURN = 0.3, 0.5
 """m/s of the belt, rad/s of the table."""
@@ -47,7 +48,7 @@ def on_belt(speed=SPEED, y=-0.6, x=0.5, task=TAKE):
 
 @pytest.fixture(scope="module")
 def run():
-    found = op.plan(problem_from_dict(on_belt()), budget=300.0)
+    found = planned_until(problem_from_dict(on_belt()), seconds=300.0)
     assert found.verified, found.report and found.report.failures
     return found
 
@@ -146,7 +147,7 @@ def test_a_turntable_is_picked_from():
     place = [0.1, 0, 0.02]
     data["scene"]["obstacles"][0]["pose"]["position"] = place
     data["task"][0]["approach"]["pose"]["position"] = place
-    found = op.plan(problem_from_dict(data), budget=300.0)
+    found = planned_until(problem_from_dict(data), seconds=300.0)
     assert found.verified, found.failure or found.report.failures
     t = taken(found)
     turn = TURN * t
@@ -172,7 +173,7 @@ def test_what_is_let_go_on_something_that_moves_goes_on_with_it():
         "start": start,
         "locked": {"panda_finger_joint1": 0.025},
     }
-    found = op.plan(problem_from_dict(data), budget=300.0)
+    found = planned_until(problem_from_dict(data), seconds=300.0)
     assert found.verified, found.failure or found.report.failures
     motion = found.trajectory
     let_go = next(one.begin for one in motion.segments if one.kind == "detach")
@@ -200,7 +201,7 @@ def test_what_is_held_is_brought_by_its_own_frame_to_what_moves():
         {"move": {"configuration": "ready"}},
     ]
     scene = {"scene": {"obstacles": [cube]}}
-    found = op.plan(problem_from_dict(on_belt(task=task) | scene), budget=300.0)
+    found = planned_until(problem_from_dict(on_belt(task=task) | scene), seconds=300.0)
     assert found.verified, found.failure or found.report.failures
     task.insert(3, {"dwell": 0.1})
     with pytest.raises(op.InputError, match="a dwell after 'cube', which went with 'belt', is released"):
@@ -209,7 +210,7 @@ def test_what_is_held_is_brought_by_its_own_frame_to_what_moves():
 
 def test_a_wait_is_proved():
     task = [{"wait_until": "belt.y > -0.3"}, {"move": {"joints": [0.3, -0.785, 0, -2.356, 0, 1.571, 0.785]}}]
-    found = op.plan(problem_from_dict(on_belt(task=task)), budget=300.0)
+    found = planned_until(problem_from_dict(on_belt(task=task)), seconds=300.0)
     assert found.verified
     first = found.trajectory.segments[0]
     assert first.end == pytest.approx(1.0, abs=1e-4)

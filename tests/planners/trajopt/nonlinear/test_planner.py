@@ -12,6 +12,7 @@ from optiplan.planners.trajopt.nonlinear.solvers import SOLVERS, NlpSolver, inst
 from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
 from optiplan.planners.trajopt.program.sqp import DescentOptions
+from tests.planned import Until
 from tests.planners import cases
 
 pytestmark = pytest.mark.usefixtures("processor_clock")
@@ -25,8 +26,9 @@ def test_it_finds_the_motion_of_trajopt():
 
 
 def test_a_moving_start_is_kept():
-    options = {"solver": "sqpmethod+piqp", "seeds": 1, "iterations": 6}
-    run = op.plan(op.load_problem("37_on_the_move"), "casadi", options=options, budget=5.0)
+    options, progress = {"solver": "sqpmethod+piqp", "seeds": 1, "iterations": 6}, Until()
+    budget = op.Budget(5.0, progress.met)
+    run = op.plan(op.load_problem("37_on_the_move"), "casadi", options=options, budget=budget, progress=progress)
     assert run.verified
     assert np.abs(run.trajectory.state(0.0).v).max() > 0.1
 
