@@ -89,11 +89,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """
     ranks = {TESTS / name: rank for rank, name in enumerate(LONGEST)}
 
-    def place(item: pytest.Item) -> tuple[bool, int, Path]:
-        rank = ranks.get(item.path, len(ranks))
-        return rank > 0 and TESTS / "service" not in item.path.parents, rank, item.path
+    @cache  # nine thousand tests are in six hundred files
+    def place(file: Path) -> tuple[bool, int, Path]:
+        rank = ranks.get(file, len(ranks))
+        return rank > 0 and TESTS / "service" not in file.parents, rank, file
 
-    items.sort(key=place)
+    items.sort(key=lambda item: place(item.path))
 
 
 @pytest.hookimpl(wrapper=True)

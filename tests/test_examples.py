@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-import optiplan as op
 from optiplan.problem.load import load_problem
+from tests.planned import planned_until
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = sorted((ROOT / "problems").glob("*.yaml"))
@@ -50,4 +50,5 @@ def test_readme_python_runs(code, tmp_path, monkeypatch):
 def test_readme_problem_can_be_planned(text, tmp_path):
     path = tmp_path / "problem.yaml"
     path.write_text(text)
-    assert op.plan(load_problem(path), budget=60.0).verified
+    problem = load_problem(path)
+    assert planned_until(problem, problem.planner, 60.0).verified

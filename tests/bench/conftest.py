@@ -8,6 +8,7 @@ import pytest
 
 from optiplan.bench.execution.pool import LocalPool
 from optiplan.bench.execution.runner import open_results, run_suite
+from optiplan.bench.report.figures import measure_figures
 from optiplan.bench.results.database import Store
 from optiplan.bench.results.records import BenchPlanner, BenchProblem, Outcome, Row
 from optiplan.bench.suite.suite import load_suite
@@ -82,6 +83,17 @@ def results_of(write_suite, run, tmp_path, tmp_path_factory, kept_results):
         return path
 
     return results_of
+
+
+def _first_measure(analysis):
+    return measure_figures(analysis)[:1]
+
+
+@pytest.fixture
+def one_figure_of_measures(monkeypatch):
+    """Pages and files with one figure of a measure instead of 18, which are drawn alike."""
+    for module in ("figures", "page"):
+        monkeypatch.setattr(f"optiplan.bench.report.{module}.measure_figures", _first_measure)
 
 
 TETRAHEDRON = """\

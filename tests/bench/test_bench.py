@@ -5,6 +5,8 @@ import pytest
 import optiplan as op
 from optiplan.bench.bench import workforce
 
+pytestmark = pytest.mark.usefixtures("one_figure_of_measures")
+
 
 def test_a_suite_is_one_call(write_suite, tmp_path):
     told = []

@@ -104,7 +104,7 @@ def test_table_and_json_say_what_the_bound_is(optiplan, optiplan_json, free):
 def test_table_fits_the_terminal(optiplan, free, monkeypatch, width):
     """Narrow, the reasons stand below it and its measures in a second half; nothing is cut off."""
     monkeypatch.setenv("COLUMNS", str(width))
-    out = optiplan("plan", free, "--planner", "bangbang,quintic,informed_rrtstar", "--budget", "2")[1]
+    out = optiplan("plan", free, "--planner", "bangbang,quintic,informed_rrtstar", "--budget", "0.5")[1]
     lines = out.splitlines()
     assert max(map(len, lines)) <= width
     assert "…" not in out

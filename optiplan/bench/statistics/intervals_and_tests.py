@@ -147,9 +147,9 @@ def sign_test(wins: int, losses: int) -> float:
 
     Ties do not count. It is the binomial test of min(w, l) among w + l with chance 1/2; 1 where nothing was compared.
     """
-    from scipy.stats import binomtest
+    from scipy.special import bdtr
 
-    return float(binomtest(wins, wins + losses).pvalue) if wins + losses else 1.0
+    return min(1.0, 2.0 * float(bdtr(min(wins, losses), wins + losses, 0.5)))
 
 
 def signed_rank_test(differences: Array) -> float:

@@ -103,18 +103,27 @@ def via(data):
     return op.ViaPoint(end(data), **wishes)
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_every_example_stated_in_python_is_the_same_problem(path, tmp_path, monkeypatch):
+@pytest.fixture(scope="module", params=EXAMPLES, ids=lambda path: path.stem)
+def path(request):
+    """The file of an example, for all tests of it before those of the next one."""
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def read(path):
+    """Its problem."""
+    return op.load_problem(path)
+
+
+def test_every_example_stated_in_python_is_the_same_problem(path, read, tmp_path, monkeypatch):
     monkeypatch.chdir(path.parent)  # lists of targets are files beside it
-    read, said = op.load_problem(path), stated(path)
+    said = stated(path)
     assert said.hash == read.hash != ""
     assert said.source == read.source
     said.save(tmp_path / "again.yaml")
     assert op.load_problem(tmp_path / "again.yaml").hash == read.hash
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_parts_put_back_unchanged_change_nothing(path):
-    problem = op.load_problem(path)
-    assert problem.with_scene(problem.scene).hash == problem.hash
-    assert problem.with_seed(7).hash == problem.hash
+def test_parts_put_back_unchanged_change_nothing(read):
+    assert read.with_scene(read.scene).hash == read.hash
+    assert read.with_seed(7).hash == read.hash

@@ -223,6 +223,7 @@ def test_a_scheduler_that_ends_is_an_error(write_suite, dask, tmp_path):
         run_there(path, tmp_path / "there", dask.address, end)
 
 
+@pytest.mark.usefixtures("one_figure_of_measures")
 def test_the_command_line(write_suite, patient, pair, tmp_path, capfd, monkeypatch):
     words = ["bench", str(write_suite()), "--out", str(tmp_path / "there"), "--dask"]
     assert main_run([*words, pair.address]) == 0

@@ -104,7 +104,7 @@ def test_median_of_few_has_no_interval():
     assert all(map(math.isnan, median_interval(np.empty(0), 0)))
 
 
-@pytest.mark.parametrize(("wins", "losses"), [(0, 0), (5, 0), (3, 9), (50, 50), (700, 600)])
+@pytest.mark.parametrize(("wins", "losses"), [(0, 0), (5, 0), (0, 1), (3, 9), (50, 50), (50, 51), (700, 600)])
 def test_sign_test_sums_binomial_probabilities(wins, losses):
     n = wins + losses
     expected = min(1.0, 2 * sum(math.comb(n, k) for k in range(min(wins, losses) + 1)) / 2**n)

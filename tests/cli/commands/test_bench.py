@@ -2,6 +2,11 @@ import json
 
 import pytest
 
+from tests.bench.conftest import one_figure_of_measures
+
+__all__ = ["one_figure_of_measures"]
+pytestmark = pytest.mark.usefixtures("one_figure_of_measures")
+
 
 @pytest.fixture
 def suite(tmp_path, free):

@@ -7,6 +7,7 @@ import json
 import os
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from uuid import uuid4
 
 import numpy as np
 import pytest
@@ -26,7 +27,30 @@ from optiplan.service.store.keyed_tables import ProblemTable
 from optiplan.service.store.tables import LAYOUT, about, open_database, store_name
 from tests.waiting import PATIENCE, wait_until
 
-needs_postgres = pytest.mark.skipif(postgres_folder() is None, reason="PostgreSQL is not installed")
+
+@pytest.fixture(scope="module")
+def postgresql():
+    """The address of a PostgreSQL of our own: it takes seconds to make."""
+    if postgres_folder() is None:
+        pytest.skip("PostgreSQL is not installed")
+    with postgres() as address:
+        yield make_url(address)
+
+
+@pytest.fixture
+def database(postgresql):
+    """The address of an empty database there, another one for each test."""
+    name = f"of_{uuid4().hex}"
+    engine = sa.create_engine(driven(postgresql), isolation_level="AUTOCOMMIT")
+    with engine.connect() as connection:
+        connection.execute(sa.text(f"CREATE DATABASE {name}"))
+    engine.dispose()
+    return postgresql.set(database=name)
+
+
+def driven(address):
+    """The address with the driver that SQLAlchemy is to load."""
+    return address.set(drivername="postgresql+psycopg").render_as_string(hide_password=False)
 
 
 def test_kills_on_sqlite(tmp_path):
@@ -35,15 +59,13 @@ def test_kills_on_sqlite(tmp_path):
     assert found.done == 4
 
 
-@needs_postgres
-def test_two_workers_share_the_runs_of_one_postgresql_and_kills_lose_none(tmp_path):
+def test_two_workers_share_the_runs_of_one_postgresql_and_kills_lose_none(tmp_path, database):
     """First nothing is killed, and both solve; then the server or a worker is, twice."""
-    with postgres() as database:
-        found = faults(tmp_path, database, Plan(rounds=2, jobs=6, workers=2, seed=1, shared=24))
-        engine = sa.create_engine(database.replace("postgresql://", "postgresql+psycopg://"))
-        with engine.connect() as connection:
-            ended = connection.scalar(sa.text("SELECT count(*) FROM optiplan_runs WHERE status = 'done'"))
-        engine.dispose()
+    found = faults(tmp_path, str(database), Plan(rounds=2, jobs=6, workers=2, seed=1, shared=24))
+    engine = sa.create_engine(driven(database))
+    with engine.connect() as connection:
+        ended = connection.scalar(sa.text("SELECT count(*) FROM optiplan_runs WHERE status = 'done'"))
+    engine.dispose()
     assert found.faultless, found
     assert found.done == ended == 30
     assert len(found.shares) == 2
@@ -66,16 +88,13 @@ def names_at_once(url):
         return set(threads.map(name, range(8)))
 
 
-@needs_postgres
-def test_server_and_workers_may_start_at_once_on_an_empty_postgresql():
-    with postgres() as database:
-        assert len(names_at_once(database.replace("postgresql://", "postgresql+psycopg://"))) == 1
+def test_server_and_workers_may_start_at_once_on_an_empty_postgresql(database):
+    assert len(names_at_once(driven(database))) == 1
 
 
-@needs_postgres
-def test_several_may_store_one_problem_at_once():
-    with postgres() as database, ThreadPoolExecutor(8) as threads:
-        engine = open_database(database.replace("postgresql://", "postgresql+psycopg://"))
+def test_several_may_store_one_problem_at_once(database):
+    with ThreadPoolExecutor(8) as threads:
+        engine = open_database(driven(database))
         for k in range(20):
             stored = [threads.submit(ProblemTable(engine).add, f"{k:064}", "a", "panda", "0" * 64) for _ in range(8)]
             assert [one.result(PATIENCE) for one in stored] == [None] * 8

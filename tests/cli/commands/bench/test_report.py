@@ -6,18 +6,10 @@ import sqlite3
 
 import pytest
 
-from optiplan.bench.report.figures import measure_figures
+from tests.bench.conftest import one_figure_of_measures
 
-
-def first_measure(analysis):
-    return measure_figures(analysis)[:1]
-
-
-@pytest.fixture(autouse=True)
-def one_figure_of_measures(monkeypatch):
-    """Pages and files with one figure of a measure instead of 18, which are drawn alike."""
-    for module in ("figures", "page"):
-        monkeypatch.setattr(f"optiplan.bench.report.{module}.measure_figures", first_measure)
+__all__ = ["one_figure_of_measures"]
+pytestmark = pytest.mark.usefixtures("one_figure_of_measures")
 
 
 @pytest.fixture(scope="module")

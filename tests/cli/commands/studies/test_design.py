@@ -27,7 +27,7 @@ tasks:
 states: {count: 300}
 maximise: [manipulability, reach_volume]
 minimise: [cycle_time]
-search: {population: 4, generations: 3}
+search: {population: 4, generations: 2}
 proof: {budget: 0.5}
 """
 
@@ -61,7 +61,7 @@ def test_json_of_a_study_that_asks_too_much(optiplan_json, study):
     code, data = optiplan_json("design", str(study))
     assert code == data["exit_code"] == 3
     assert data["front"] == []
-    assert data["designs"] == 12
+    assert data["designs"] == 8
 
 
 def test_a_study_that_no_design_meets_says_what_is_missed(optiplan, study, tmp_path):
@@ -78,7 +78,6 @@ def test_a_study_that_no_design_meets_says_what_is_missed(optiplan, study, tmp_p
         ("dh.rows.1.a: =1 - upper", "dh.rows.7.a: =1 - upper", ":8: changes.dh.rows.7.a: a place that the robot"),
         ("=1 - upper", "=1 - uper", ":8: changes.dh.rows.1.a: an unknown name in '=1 - uper'"),
         ("[0.2, 0.8]", "[0.8, 0.2]", ":5: parameters.upper.range: [0.8, 0.2]; expected lower < upper"),
-        ("=upper\n", "0.5\n", "'upper', the same"),
         ("robot: two_links", "robot: panda", ":3: robot: 'panda', which is not given by a Denavit–Hartenberg table"),
         ("manipulability,", "manipulabilty,", "did you mean 'manipulability'?"),
         ("[cycle_time]", "[tip_over]", "tip_over without support"),
@@ -91,16 +90,13 @@ def test_a_bad_study_names_the_line(optiplan, study, old, new, words):
     assert old in STUDY
     study.write_text(STUDY.replace(old, new))
     code, _, err = optiplan("design", str(study))
-    if words == "'upper', the same":  # one of two uses is left: nothing is wrong
-        assert code == 0
-        return
     assert code == 2
     assert words in err
     assert "Traceback" not in err
 
 
 def test_ctrl_c_keeps_what_was_found(study, tmp_path):
-    study.write_text(STUDY.replace("generations: 3", "generations: 10000").replace("  - {start", "  # - {start"))
+    study.write_text(STUDY.replace("generations: 2", "generations: 10000").replace("  - {start", "  # - {start"))
     study.write_text(study.read_text().replace("tasks:\n", "").replace("minimise: [cycle_time]\n", ""))
     command = [sys.executable, "-m", "optiplan", "design", str(study), "--out", str(tmp_path / "out"), "--json"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)

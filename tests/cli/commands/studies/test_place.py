@@ -43,8 +43,9 @@ def test_a_base_is_found_and_written(optiplan, task, tmp_path):
 def test_json_of_a_task_out_of_reach(optiplan_json, task, tmp_path):
     task.write_text(TASK.replace("0.45, 0.2", "4.5, 0.2"))
     RESULT.write(tmp_path, {"place.html": b"a page", "problem.yaml": b"of an earlier result"})
-    code, data = optiplan_json("place", "ur5", str(task), *FEW, "--out", str(tmp_path))
+    code, data = optiplan_json("place", "puma560", str(task), *FEW, "--out", str(tmp_path))
     assert code == data["exit_code"] == 3
+    assert data["robot"] == "puma560"  # another one than the task's
     assert data["files"] == [str(tmp_path / name) for name in ("place.png", "place.html")]
     assert not (tmp_path / "problem.yaml").exists()
     assert data["duration"] is None
@@ -109,7 +110,10 @@ def test_an_expression_and_the_seed_hold_at_every_base_and_are_in_no_file(tmp_pa
 
 
 def test_another_robot_starts_in_its_own_configuration(optiplan_json, task):
-    code, data = optiplan_json("place", "puma560", str(task), *FEW)
-    assert data["robot"] == "puma560"
-    assert code in (0, 3)
+    asked, right = op.load_problem(task), np.pi / 2.0
+    own = {"puma560": [0.0, right, -right, 0.0, 0.0, 0.0], "panda": [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]}
+    for name, ready in own.items():
+        stated = _with_robot(asked, name)
+        assert (stated.robot.name, stated.start.tolist()) == (name, pytest.approx(ready))
+        assert (stated.goal[0].X_WG.homogeneous == asked.goal[0].X_WG.homogeneous).all()
     assert optiplan_json("place", "nobody", str(task))[0] == 2
