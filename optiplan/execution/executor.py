@@ -187,7 +187,8 @@ class Executor(LawFollower):
             spread: m/s; how fast they may depart from that course, in any direction.
             age: s since they were there.
         """
-        reason = self._scene.see(poses, {} if velocities is None else velocities, spread, self.time, age)
+        place = self._stretch.place(self._law.at(self.time)[0])
+        reason = self._scene.see(poses, {} if velocities is None else velocities, spread, self.time, place, age)
         if reason:
             self.stop(reason)
             return
