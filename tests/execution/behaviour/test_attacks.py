@@ -479,6 +479,7 @@ def test_a_robot_that_is_asked_to_turn_just_before_an_end_turns_there(run_of, le
         ticks.append(executor.tick(DT))
     executor.reverse()
     ticks += [executor.tick(DT) for _ in range(200)]
+    assert "done" not in {tick.status.phase for tick in ticks}  # also not at the very end, where it turns
     assert executor.status.place < run.duration - 2.0 * left
     while ticks[-1].status.place > left:
         ticks.append(executor.tick(DT))
