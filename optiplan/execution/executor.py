@@ -187,7 +187,8 @@ class Executor(LawFollower):
             spread: m/s; how fast they may depart from that course, in any direction.
             age: s since they were there.
         """
-        reason = self._scene.see(poses, {} if velocities is None else velocities, spread, self.time, age)
+        place = self._stretch.place(self._law.at(self.time)[0])
+        reason = self._scene.see(poses, {} if velocities is None else velocities, spread, self.time, place, age)
         if reason:
             self.stop(reason)
             return
@@ -387,7 +388,9 @@ class Executor(LawFollower):
         speed, people = self._stretch.direction * point.place.speed, self._scene.people
         reason = self._reason or ("" if people is None or place >= T else people.reason(self.time))
         changes = self.time < self._way.settled or self._pending
-        phase = "done" if place >= T and self._next is None else phase_of(self._held, point.place.speed == 0.0, changes)
+        resting = point.place.speed == 0.0
+        ends = place >= T and resting and self._next is None  # it may turn there
+        phase = "done" if ends else phase_of(self._held, resting, changes)
         if not self._held and people is not None and speed == 0.0 and self._wanted > 0.0 and place < T:
             phase = "waiting"
         return Status(

@@ -234,8 +234,8 @@ class LawFollower:
 
     def _follow(self, law: "TimeLaw") -> bool:
         self._law = law
-        if self._next is not None:  # it was to begin in a state that the robot does not come to any more
-            self._next = None
+        coming, self._next = self._next, None  # it was to begin in a state that the robot does not come to any more
+        if coming is not None and not coming.number:  # that of the policy is planned again
             self.stop(ELSEWHERE)
         return True
 

@@ -8,7 +8,6 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.errors import wrong_argument
 from optiplan.problem.problem import Problem
-from optiplan.problem.task.steps import ChangeTool
 from optiplan.problem.task.tour_steps import in_order
 from optiplan.simulation.closed_loop import Loop, simulate
 from optiplan.simulation.controllers.joints import ComputedTorque, WheeledTorque
@@ -19,7 +18,7 @@ from optiplan.simulation.plants.dynamics import check_inertias
 from optiplan.simulation.plants.imperfections import PERFECT, Imperfections
 from optiplan.simulation.plants.mecanum_wheels import MecanumWheels
 from optiplan.simulation.plants.rigid_body import RigidBodyPlant
-from optiplan.simulation.plants.task_plant import CarryingPlant, FrictionGrip, objects_of
+from optiplan.simulation.plants.task_plant import CarryingPlant, FrictionGrip, changes_tools, objects_of
 from optiplan.simulation.references.executed import ExecutedReference
 from optiplan.simulation.references.joints import TrajectoryReference
 from optiplan.simulation.tasks.course import NOTHING_HELD, TaskCourse
@@ -97,7 +96,7 @@ def execute(
     robot = problem.robot
     if any(step.ride is not None for step in in_order(problem, trajectory).task):
         raise wrong_argument("execute", "run", "a task that goes with what moves", "a task among things that stand")
-    if options.engine == "mujoco" and any(isinstance(step.action, ChangeTool) for step in problem.task):
+    if options.engine == "mujoco" and changes_tools(problem):
         raise wrong_argument("execute", "engine", "mujoco, with a task that changes tools", "the engine own")
     check_inertias(robot)
     start = np.asarray(trajectory.start)

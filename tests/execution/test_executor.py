@@ -141,6 +141,19 @@ def test_a_splice_is_continuous(run_of):
     np.testing.assert_allclose(np.diff(q, axis=0), 0.5 * DT * (v[1:] + v[:-1]), atol=2e-6)
 
 
+@pytest.mark.parametrize("how", ["path", "joints"])
+def test_another_motion_can_begin_wherever_a_robot_brakes(run_of, how):
+    """It braked by a millionth harder than a start may be stated."""
+    run = run_of("01_reach")
+    for place in np.linspace(0.1, 0.7, 7):
+        executor = op.Executor(run)
+        while executor.time < place:
+            executor.tick(0.01)
+        executor.stop("test", how)
+        for latency in np.linspace(0.0, 0.1, 6):
+            run.problem.with_start(executor.state_in(latency))
+
+
 def test_an_execution_is_not_done_before_the_run_that_is_to_take_over(run_of):
     run = run_of("01_reach")
     executor = op.Executor(run)

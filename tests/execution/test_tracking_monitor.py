@@ -107,6 +107,18 @@ def test_backwards_and_after_a_splice_the_path_is_the_one_that_was_passed(run):
     assert executor.run is onwards
 
 
+def test_a_robot_a_little_ahead_of_its_set_point_is_not_behind_on_a_way_that_it_comes_back(plain):
+    """It was found where it had come, nearer by a hair: at each retreat along an approach it was said to be late."""
+    executor, ticks = op.Executor(plain), []
+    for k in range(900):
+        if k == 400:
+            executor.reverse()
+        point = executor._point()
+        ticks.append(executor.tick(1e-3, point.q + 2e-3 * point.v))
+    assert ticks[-1].status.speed < -0.5
+    assert max(abs(tick.status.lag) for tick in ticks) < 0.02
+
+
 def faulty(fault):
     """States that are good for 100 ticks, and then what `fault(k, state)` makes of them."""
 

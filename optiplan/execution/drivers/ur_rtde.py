@@ -106,7 +106,7 @@ class UrRtdeDriver:
             if stopped():
                 raise DriverError(f"the robot is in {words} stop")
         speed = receive.getSpeedScaling() * receive.getTargetSpeedFraction()
-        if speed < FULL:
+        if not speed >= FULL:  # NaN, too
             raise DriverError(f"the robot scales its speed to {speed:.0%}; expected 100% there, and `override` here")
         if not self._watched:  # not at a set-point, which it would delay
             self._watched = bool(self._control.setWatchdog(LEAST_RATE))

@@ -157,9 +157,10 @@ def quickest_stop(point: SetPoint, limits: Limits, share: float, names: tuple[st
 
     Holds at: all times, for acceleration and jerk.
     """
-    most = limits.acceleration * share * (1.0 + VerifyPolicy.limit_tolerance)
-    if not np.isfinite(most).all() or (np.abs(point.a) > most * (1.0 + LIMIT_ROUNDING)).any():
+    most, here = limits.acceleration * share, np.abs(point.a)
+    if not np.isfinite(most).all() or (here > most * (1.0 + VerifyPolicy.limit_tolerance + LIMIT_ROUNDING)).any():
         return None
+    most = np.maximum(most, here)
     begin, first, jerk = np.zeros((3, len(point.q), 4))
     for j, (v, a) in enumerate(zip(point.v.tolist(), point.a.tolist(), strict=True)):
         t, k = 0.0, -1

@@ -123,7 +123,9 @@ class PathLaws:
         self._back, self._rests, self._starts_at_rest = False, True, starts_at_rest
         step = float(np.clip(motion.duration * motion.n / JOINT_STEPS, SHORTEST_STEP, LONGEST_STEP))
         share = 1.0 + tolerance
-        rates = np.array([limits.acceleration * share, limits.jerk * share, limits.torque * share])
+        # no more than the motion itself takes: another one may have to begin, within the limits, where a law leads
+        most = np.clip(np.maximum(*np.abs(motion.extrema(2))), limits.acceleration, limits.acceleration * share)
+        rates = np.array([most, limits.jerk * share, limits.torque * share])
         self._core: CoreLaws = core.PathLaws.of(
             motion.breakpoints,
             motion.coefficients,

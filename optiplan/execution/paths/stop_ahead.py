@@ -41,7 +41,7 @@ def way_ahead(laws: PathLaws, law: "TimeLaw", now: float, lead: float) -> Ahead:
         else:
             turn, later = turn + later, 2.0 * later
     stop = law if stop is None else stop  # which ends at rest with the motion
-    end = max(turn, stop.settled) if stop.target == 0.0 else turn + NEAR_END
+    end = max(turn, stop.settled, now + SPACING) if stop.target == 0.0 else turn + NEAR_END
     count = int(np.clip(np.ceil((end - now) / SPACING), 2, MOST_SAMPLES))
     t: Array = np.linspace(now, end, count + 1)
     points = [laws.set_point(law if one < turn else stop, one) for one in t]

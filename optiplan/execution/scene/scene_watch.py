@@ -39,6 +39,7 @@ class SeenObstacle:
         velocity: (3,), of that frame, m/s.
         spread: m/s; it may be anywhere within this speed times the time since, around where its velocity leads.
         time: of the executor, s.
+        expected: whether it stands where the run had it at that time. What a task does to it later is in the path.
     """
 
     name: str
@@ -47,6 +48,7 @@ class SeenObstacle:
     velocity: Array
     spread: float
     time: float
+    expected: bool = False
 
 
 class BlockedPlace(NamedTuple):
@@ -116,18 +118,18 @@ class SceneWatch:
                 return BlockedPlace(stretch.place(found.place), found.pair)
         return None
 
-    def proved(self, seen: SeenObstacle) -> bool:
-        """Whether the run was proved with an obstacle where it was seen and stands, all along."""
+    def expects(self, seen: SeenObstacle, place: float) -> bool:
+        """Whether an obstacle stands where the run has it when the robot is at a place of the path, s."""
         if seen.spread > 0.0 or seen.velocity.any():
             return False
-        stands = [[one for one in part.problem.scene.obstacles if one.name == seen.name] for part in self.path.parts]
-        return all(len(found) == 1 and is_at(found[0], seen) for found in stands)
+        return any(one.name == seen.name and is_at(one, seen) for one in self._known(place))
 
     def standing(self, place: float, now: float) -> list[SeenObstacle]:
         """Return the obstacles of the run as they stand when the robot is at a place of the path, s."""
-        part = next(part for part in reversed(self.path.parts) if part.begin <= place or part is self.path.parts[0])
-        known = part.problem.scene.obstacles
-        return [SeenObstacle(one.name, one.shape, one.X_WO, np.zeros(3), 0.0, now) for one in known]
+        return [SeenObstacle(one.name, one.shape, one.X_WO, np.zeros(3), 0.0, now) for one in self._known(place)]
+
+    def _known(self, place: float) -> tuple[Obstacle, ...]:
+        return self.path.parts[self.path.part_at(place)].problem.scene.obstacles
 
     def nearest(
         self,

@@ -39,9 +39,12 @@ class SeenScene:
         self._times: dict[str, float] = {}  # of what was seen last, or found gone, s
 
     def see(
-        self, poses: SceneUpdate, velocities: Mapping[str, Values], spread: float, now: float, age: float = 0.0
+        self, poses: SceneUpdate, velocities: Mapping[str, Values], spread: float, now: float, place: float, age: float
     ) -> str:
-        """Remember where obstacles were `age` s ago; return why that is not possible, or nothing."""
+        """Remember where obstacles were `age` s ago; return why that is not possible, or nothing.
+
+        The robot is at a `place` of the path, s, `now`.
+        """
         if not isinstance(poses, Mapping):
             return f"update_scene: found {described(poses)}; expected poses by name"
         for value, word, unit in ((spread, "a spread", "a speed >= 0, m/s"), (age, "an age", "seconds >= 0")):
@@ -50,37 +53,39 @@ class SeenScene:
         if not isinstance(velocities, Mapping):
             return f"update_scene: found {described(velocities)}; expected velocities by name"
         lost = next((name for name in velocities if name not in poses), None)
-        for name, place in poses.items():
+        for name, pose in poses.items():
             velocity = np.array(numbers(velocities.get(name, np.zeros(3))))  # the caller may write into its own again
             if velocity.shape != (3,) or not np.isfinite(velocity).all():
                 found = described(velocities[name])
                 return f"update_scene: found {found} as the velocity of '{name}'; expected (3,), m/s"
             if name in velocities and self._is_person(name):
                 return f"update_scene: found a velocity of '{name}'; expected none: the course of people is not known"
-            reason = self._see(name, place, velocity, float(spread), now - float(age))
+            reason = self._see(name, pose, velocity, float(spread), now - float(age), place)
             if reason:
                 return reason
         without = "without a pose; expected both"
         return "" if lost is None else f"update_scene: found a velocity of {described(lost)} {without}"
 
-    def _see(self, name: str, place: Pose | Obstacle | None, velocity: Array, spread: float, time: float) -> str:
+    def _see(
+        self, name: str, pose: Pose | Obstacle | None, velocity: Array, spread: float, time: float, place: float
+    ) -> str:
         known = {one.name: one.shape for one in self.watch.scene.obstacles}
         known |= {one.name: one.shape for one in self._obstacles.values()}
         known |= {} if self.people is None else self.people.shapes
-        if not isinstance(place, Pose | Obstacle | None):
-            return f"update_scene: found {described(place)} as '{name}'; expected poses by name, obstacles, or None"
-        if isinstance(place, Obstacle) and isinstance(name, str) and place.motion is None:
-            shape, X_WO = place.shape, place.X_WO
-        elif isinstance(place, Obstacle):
-            return f"update_scene: found {described(place)} as {described(name)}; expected one that stands, and a name"
-        elif place is None and self.people is not None and self._is_person(name):
+        if not isinstance(pose, Pose | Obstacle | None):
+            return f"update_scene: found {described(pose)} as '{name}'; expected poses by name, obstacles, or None"
+        if isinstance(pose, Obstacle) and isinstance(name, str) and pose.motion is None:
+            shape, X_WO = pose.shape, pose.X_WO
+        elif isinstance(pose, Obstacle):
+            return f"update_scene: found {described(pose)} as {described(name)}; expected one that stands, and a name"
+        elif pose is None and self.people is not None and self._is_person(name):
             self.people.see(name, None, time)
             return ""
         elif name not in known:
             expected = f"one of: {', '.join(sorted(known))}" if known else "an obstacle, as none is known yet"
             return f"update_scene: found an obstacle {described(name)}; expected {expected}"
         else:
-            shape, X_WO = known[name], None if place is None else pin.SE3(place.matrix)
+            shape, X_WO = known[name], None if pose is None else pin.SE3(pose.matrix)
         if self.people is not None and self._is_person(name):
             speed = self.people.rule.human_speed
             self.people.see(name, SeenObstacle(name, shape, X_WO, velocity, speed, time), time)
@@ -93,7 +98,8 @@ class SeenScene:
             self._gone.add(name)
         else:
             self._gone.discard(name)
-            self._obstacles[name] = SeenObstacle(name, shape, X_WO, velocity, spread, time)
+            one = SeenObstacle(name, shape, X_WO, velocity, spread, time)
+            self._obstacles[name] = replace(one, expected=self.watch.expects(one, place))
         return ""
 
     def age(self, duration: float) -> bool:
@@ -118,8 +124,8 @@ class SeenScene:
         By obstacles that were seen; by those that are `known` from the run, too, where the way is not its path.
         """
         seen = list(self._obstacles.values())
-        if self.watch.margin <= self.watch.asked > 0.0:  # cells are too coarse to tell what is just kept, as proved
-            seen = [one for one in seen if not self.watch.proved(one)]
+        if self.watch.margin <= self.watch.asked:  # cells are too coarse to tell what is just kept, as proved
+            seen = [one for one in seen if not one.expected]
         elif known:
             skipped = {*self._obstacles, *self._gone}
             seen += [one for one in self.watch.standing(stretch.start, now) if one.name not in skipped]
@@ -167,7 +173,7 @@ class SeenScene:
         keeps = watch.margin > watch.asked
         for name, one in self._obstacles.items():
             if keeps or name not in stands or one.spread > 0.0 or one.velocity.any() or not is_at(stands[name], one):
-                other._obstacles[name] = one
+                other._obstacles[name] = replace(one, expected=False)
         return other
 
 

@@ -11,7 +11,7 @@ from optiplan.arrays import Array, number_argument
 from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.scene_change import carrying, scene_after
-from optiplan.problem.task.steps import Attach, Detach, Event
+from optiplan.problem.task.steps import Attach, ChangeTool, Detach, Event
 from optiplan.robot.robot import Robot
 from optiplan.simulation.plants.base import NOMINAL, PlantOptions
 from optiplan.simulation.plants.dynamics import RigidBodyDynamics
@@ -20,6 +20,11 @@ from optiplan.simulation.tasks.stages import TaskStage
 
 FRICTION = 0.6
 """Coefficient of friction of objects, where none is given: rubber or wood on wood, dry."""
+
+
+def changes_tools(problem: Problem) -> bool:
+    """Whether a task changes tools, for which MuJoCo has no bodies."""
+    return any(isinstance(step.action, ChangeTool) for step in problem.task)
 
 
 @dataclass(frozen=True)

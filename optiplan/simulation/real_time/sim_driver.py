@@ -11,13 +11,14 @@ from typing import Any, get_args
 import numpy as np
 
 from optiplan.arrays import number_argument
-from optiplan.errors import choice_argument
+from optiplan.errors import choice_argument, wrong_argument
 from optiplan.execution.drivers.base import Capabilities, DriverError
 from optiplan.execution.measurement import Measurement
 from optiplan.execution.status import Tick
 from optiplan.runs.run import Run
 from optiplan.simulation.plants.dynamics import check_inertias
 from optiplan.simulation.plants.mujoco_plant import mujoco_module
+from optiplan.simulation.plants.task_plant import changes_tools
 from optiplan.simulation.real_time import messages
 from optiplan.simulation.real_time.messages import Packet
 from optiplan.simulation.real_time.sim_process import Setup, SimEngine
@@ -47,7 +48,8 @@ class SimDriver:
     Args:
         run: whose robot and scene are simulated; the robot stands where the run begins.
         rate: set-points per second, Hz.
-        engine: `mujoco`, `own`, or `ideal`, which follows exactly; None: MuJoCo where it is installed, else `own`.
+        engine: `mujoco`, `own`, or `ideal`, which follows exactly; None: MuJoCo where it is installed and no tools are
+            changed, else `own`.
         frequency: of the drives' error dynamics, Hz.
         payload: kg at the tool that the drives do not know of.
 
@@ -58,7 +60,7 @@ class SimDriver:
             was too slow, s.
 
     Raises:
-        InputError: an argument that cannot be, or a robot whose joints move no inertia.
+        InputError: an argument that cannot be, a robot whose joints move no inertia, or MuJoCo for a change of tools.
         OptiPlanError: MuJoCo is not installed, or the process does not start.
     """
 
@@ -77,7 +79,12 @@ class SimDriver:
             number_argument("driver", name, value, f"a finite number >= {least:g}", least)
         assert run.trajectory is not None
         problem = run.problem
-        chosen = engine or ("mujoco" if find_spec("mujoco") is not None else "own")
+        tools = changes_tools(problem)
+        chosen = engine or ("mujoco" if find_spec("mujoco") is not None and not tools else "own")
+        if chosen == "mujoco" and tools:
+            raise wrong_argument(
+                "driver", "engine", "mujoco, with a task that changes tools", "the engine own or ideal"
+            )
         if chosen == "mujoco":
             mujoco_module()
         if chosen != "ideal":

@@ -71,6 +71,17 @@ def test_a_change_of_speed_drops_a_run_that_was_to_take_over(spliced, ask):
     assert executor.status.phase in ("stopped", "done")
 
 
+@pytest.mark.parametrize("ask", [lambda ex: setattr(ex, "override", 0.3), lambda ex: ex.reverse()])
+def test_a_change_of_speed_drops_a_motion_of_the_policy_and_the_robot_goes_on(spliced, ask):
+    """It stopped for good, as with a run of `splice`, though nobody had asked for that motion."""
+    executor = pending(spliced)
+    executor._next = executor._next._replace(number=1)
+    ask(executor)
+    assert (executor._next, executor.status.reason) == (None, "")
+    assert after(executor, 300).status.phase in ("running", "changing")
+    assert executor.run is spliced[0]
+
+
 def test_a_run_that_begins_in_motion_is_led_to_the_wanted_speed(spliced):
     _, second = spliced
     slow = op.Executor(second, override=0.3)
@@ -479,6 +490,7 @@ def test_a_robot_that_is_asked_to_turn_just_before_an_end_turns_there(run_of, le
         ticks.append(executor.tick(DT))
     executor.reverse()
     ticks += [executor.tick(DT) for _ in range(200)]
+    assert "done" not in {tick.status.phase for tick in ticks}  # also not at the very end, where it turns
     assert executor.status.place < run.duration - 2.0 * left
     while ticks[-1].status.place > left:
         ticks.append(executor.tick(DT))

@@ -73,6 +73,7 @@ def test_a_motion_arrives(run, moving):
     ("name", "value", "reason"),
     [
         ("slider", 0.5, "scales its speed to 50%"),
+        ("slider", float("nan"), "scales its speed to nan%"),
         ("safety", 1 + 4, "in a protective stop"),
         ("running", False, "takes no set-points"),
     ],

@@ -35,6 +35,11 @@ def test_it_goes_on_and_stops_on_the_path(run_of, place):
         assert np.allclose(tick.q, ahead.q[ahead.t == one][0], atol=1e-12)
 
 
+def test_a_robot_that_stands_has_a_way_of_rising_times(run_of):
+    """Without a lead all of them were one."""
+    assert (np.diff(op.Executor(run_of("01_reach"), override=0.0).ahead(0.0).t) > 0.0).all()
+
+
 def test_an_executor_follows_the_stop_that_its_robot_began(run_of):
     executor = at(op.Executor(run_of("01_reach")), 0.3)
     ahead = executor.ahead(LEAD)

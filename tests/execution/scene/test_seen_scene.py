@@ -1,6 +1,7 @@
 """Obstacles that appear, change and vanish while a run is executed."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import optiplan as op
@@ -108,6 +109,32 @@ def test_the_scene_of_a_plan_is_the_one_that_will_be_there(ahead):
     np.testing.assert_allclose(moved.X_WO.translation, (1.8, 0.0, 0.5), atol=1e-12)
     assert [one.name for one in scene.dynamic_obstacles] == ["flying"]
     assert [one.name for one in scene.standing.obstacles] == ["new"]
+
+
+def poses_of(obstacles):
+    return {one.name: op.Pose(one.X_WO.translation, quaternion=pin.SE3ToXYZQUAT(one.X_WO)[3:]) for one in obstacles}
+
+
+def test_what_stands_where_the_run_has_it_blocks_nothing(run_of):
+    """Bodies are watched in cells, and so near to the path the robot waited for ever, for a wall or a cube taken."""
+    run = run_of("40_panda_sorts_cubes")
+    executor, poses = op.Executor(run), poses_of(run.problem.scene.obstacles)
+    executor.update_scene(poses)
+    assert (executor.status.reason, executor.status.phase) == ("", "running")
+    executor.update_scene({"wall": op.Pose(poses["wall"].position + np.array([0.0, 0.0, 1e-4]))})
+    assert "'wall'" in executor.status.reason
+
+
+def test_a_cube_that_is_back_where_it_was_taken_is_not_where_the_run_has_it(run_of):
+    run = run_of("40_panda_sorts_cubes")
+    executor, poses = op.Executor(run), poses_of(run.problem.scene.obstacles)
+    released = next(one for one in run.trajectory.segments if one.kind == "detach")
+    while executor.status.place <= released.begin:
+        executor.tick(0.02)
+    there = poses_of(executor._path.parts[executor._path.part_at(executor.status.place)].problem.scene.obstacles)
+    for pose, expected in ((poses[released.object], False), (there[released.object], True)):
+        executor.update_scene({released.object: pose})
+        assert executor._scene._obstacles[released.object].expected is expected
 
 
 def test_older_data_neither_replace_nor_erase_newer_ones(ahead):

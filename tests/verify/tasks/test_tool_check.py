@@ -9,6 +9,7 @@ import pytest
 import optiplan as op
 from optiplan.errors import InputError
 from optiplan.problem.problem import derived
+from optiplan.simulation.real_time.sim_driver import SimDriver
 from optiplan.viewer.moving_objects import moved_by, object_stays
 
 
@@ -100,5 +101,14 @@ def test_the_page_shows_tools_where_they_are(problem, run):
 
 def test_the_closed_loop_carries_each_tool(problem, run):
     assert op.execute(run).tracking.tool_peak < 1e-3
-    with pytest.raises(InputError, match="changes tools"):
-        op.execute(run, "mujoco")
+    for refused in (lambda: op.execute(run, "mujoco"), lambda: op.driver("sim", run, engine="mujoco")):
+        with pytest.raises(InputError, match="changes tools"):
+            refused()
+
+
+def test_the_simulated_robot_changes_tools_where_nobody_names_an_engine(run, monkeypatch):
+    """In MuJoCo the tool that was taken hit the one that was left."""
+    made = []
+    monkeypatch.setattr(SimDriver, "_start", lambda self, setup: made.append(setup.engine))
+    op.driver("sim", run)
+    assert made == ["own"]

@@ -43,8 +43,10 @@ double SetPointHistory::away(const double *q, const double *weights, int age, do
 }
 
 // On each line the place is that of the least sum of squares; on the best one and beside it it is narrowed down.
+// A robot a little ahead of its last set-point is nearer to an older one where it goes back the way that it came. So its
+// progress is that of the last passage that is farther off by no more than its line is long.
 NearestPlace SetPointHistory::nearest(const double *q, const double *weights, double *off) const {
-    std::vector<double> shares(filled_, 0.0), sizes(filled_);
+    std::vector<double> shares(filled_, 0.0), sizes(filled_), lengths(filled_, 0.0);
     sizes[0] = away(q, weights, 0, 0.0);
     for (int age = 1; age < filled_; ++age) {
         const double *from = at(slot(age)), *to = at(slot(age - 1));
@@ -52,14 +54,21 @@ NearestPlace SetPointHistory::nearest(const double *q, const double *weights, do
         for (int j = 0; j < joints_; ++j) {
             const double way = weights[j] * (to[j] - from[j]);
             along += way * weights[j] * (q[j] - from[j]), length += way * way;
+            lengths[age] = std::max(lengths[age], std::fabs(way));
         }
         shares[age] = length > 0.0 ? std::clamp(along / length, 0.0, 1.0) : 1.0;
         sizes[age] = away(q, weights, age, shares[age]);
     }
-    int best = 0;  // where a way is passed again, the last time
     const double alike = *std::min_element(sizes.begin(), sizes.end()) + ALIKE;
-    while (sizes[best] > alike) ++best;
-    while (best + 1 < filled_ && sizes[best + 1] < sizes[best]) ++best;
+    lengths[0] = lengths[std::min(1, filled_ - 1)];
+    const auto last_passage = [&](double lines) {
+        int age = 0;
+        while (sizes[age] > alike + lines * lengths[age]) ++age;
+        while (age + 1 < filled_ && sizes[age + 1] < sizes[age]) ++age;
+        return age;
+    };
+    int best = last_passage(0.0);
+    const int recent = last_passage(1.0);
     double share = shares[best], least = sizes[best];
     const int about = best;
     for (int age = std::max(about - 1, 1); age <= std::min(about + 1, filled_ - 1); ++age) {
@@ -77,9 +86,15 @@ NearestPlace SetPointHistory::nearest(const double *q, const double *weights, do
     const Row &from = rows_[slot(best)], &to = rows_[slot(std::max(best - 1, 0))];
     const double *a = at(slot(best)), *b = at(slot(std::max(best - 1, 0)));
     for (int j = 0; j < joints_; ++j) off[j] = std::fabs(q[j] - a[j] - share * (b[j] - a[j]));
-    if (from.epoch != to.epoch) return {to.place, to.progress, to.epoch};  // where another motion took over
-    return {from.place + share * (to.place - from.place), from.progress + share * (to.progress - from.progress),
-            from.epoch};
+    const bool over = from.epoch != to.epoch;  // where another motion took over
+    NearestPlace found{over ? to.place : from.place + share * (to.place - from.place),
+                       over ? to.progress : from.progress + share * (to.progress - from.progress),
+                       over ? to.epoch : from.epoch};
+    if (recent != about) {
+        const Row &before = rows_[slot(recent)], &after = rows_[slot(std::max(recent - 1, 0))];
+        found.progress = before.progress + shares[recent] * (after.progress - before.progress);
+    }
+    return found;
 }
 
 }  // namespace optiplan
