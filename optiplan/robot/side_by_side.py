@@ -28,7 +28,7 @@ from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.robot.limits import Limits
 from optiplan.robot.mimic_joints import Mimic
 from optiplan.robot.read_robot import RobotParts
-from optiplan.robot.reference import DESCRIPTION, ROBOTS, Reference
+from optiplan.robot.reference import DESCRIPTION, ROBOTS, Reference, several_robots
 from optiplan.robot.self_collision.pair_survey import link_pairs, survey_pairs
 from optiplan.robot.self_collision.pairs import PROVED, fixed_pairs, set_pairs
 from optiplan.robot.spec import MecanumSpec
@@ -207,9 +207,12 @@ def _loaded(document: Document, name: str, spec: SideBySideSpec, load: "Callable
     """Return an arm as it is by itself, with its default group.
 
     Raises:
-        InputError: it cannot be loaded, about this arm of the document.
+        InputError: it cannot be loaded, or is several robots, by which a file could use itself without end.
     """
-    return _about(document, name, lambda: load(spec.robots[name].use, document.path.parent))
+    use, base = spec.robots[name].use, document.path.parent
+    if _about(document, name, lambda: several_robots(use, base)) is not None:
+        raise InputError([document.issue((ROBOTS, name, "use"), "several robots", "one; all stand side by side")])
+    return _about(document, name, lambda: load(use, base))
 
 
 def _about(document: Document, name: str, made: Callable[[], T]) -> T:
