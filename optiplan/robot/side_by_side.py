@@ -395,7 +395,7 @@ def _urdf(arms: Sequence[_Arm]) -> str:
         carried = {child.get("link", "") for child in own.findall("joint/child")}
         for element in _renamed(own, arm):
             root.append(element)
-        joint = ET.SubElement(root, "joint", name=arm.of("base"), type="fixed")
+        joint = ET.SubElement(root, "joint", name=f"{arm.name}_base", type="fixed")  # all others have a "/"
         origin_element(joint, arm.X_WB)
         ET.SubElement(joint, "parent", link=ROOT)
         ET.SubElement(joint, "child", link=arm.of(next(link for link in links if link not in carried)))
