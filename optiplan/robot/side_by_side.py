@@ -211,7 +211,7 @@ def _loaded(document: Document, name: str, spec: SideBySideSpec, load: "Callable
     """
     use, base = spec.robots[name].use, document.path.parent
     if _about(document, name, lambda: several_robots(use, base)) is not None:
-        raise InputError([document.issue((ROBOTS, name, "use"), "several robots", "one; all stand side by side")])
+        raise InputError([document.issue((ROBOTS, name, "use"), "several robots", "one robot; name each of them here")])
     return _about(document, name, lambda: load(use, base))
 
 

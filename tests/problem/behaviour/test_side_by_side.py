@@ -73,7 +73,7 @@ def test_errors_name_line_and_key_of_the_file(write, old, new, line, field, foun
 def test_a_file_of_several_robots_does_not_use_itself(tmp_path):
     cell = tmp_path / "cell.yaml"
     cell.write_text("version: 1\nrobots: {a: {use: cell.yaml}, b: {use: planar2r}}\n")
-    with pytest.raises(InputError, match=r"cell.yaml:2: robots.a.use: several robots; expected one"):
+    with pytest.raises(InputError, match=r"cell.yaml:2: robots.a.use: several robots; expected one robot"):
         op.load_robot(cell)
 
 
