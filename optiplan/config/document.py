@@ -18,7 +18,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import CollectionEndEvent, CollectionStartEvent, StreamEndEvent
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
-from optiplan.config.messages import describe, field_name, mistaken, words_for
+from optiplan.config.messages import describe, field_name, mistaken, one_line, words_for
 from optiplan.config.simple_yaml import (
     DEEPEST,
     DIGITS,
@@ -93,7 +93,7 @@ class Document:
 
     def issue(self, path: Sequence[str | int], found: str, expected: str) -> Issue:
         """An `Issue` about the value at `path`, with its line."""
-        return Issue(str(self.path), self.line(path), field_name(path), found, expected, tuple(path))
+        return Issue(str(self.path), self.line(path), field_name(path), one_line(found), expected, tuple(path))
 
 
 def plain(value: Any) -> Any:
@@ -170,7 +170,7 @@ def pydantic_issues(model_class: type[BaseModel], document: Document, error: Val
         if name in issues:  # members of a union each say what they would have taken
             known = issues[name]
             expected = known.expected if expected in known.expected else f"{known.expected}, or {expected}"
-        issues[name] = Issue(str(document.path), line, field_name(name), found, expected, name)
+        issues[name] = Issue(str(document.path), line, field_name(name), one_line(found), expected, name)
     deepest = [name for name in issues if not any(len(o) > len(name) and o[: len(name)] == name for o in issues)]
     return [issues[name] for name in deepest]
 
@@ -242,7 +242,7 @@ def _lines(root: Node | None, path: Path) -> dict[Place, int]:
             for key, value in node.value:
                 name, at = _key(key, path), key.start_mark.line + 1
                 if name in seen:
-                    found = f"a duplicate key: '{name[:60]}' is on line {seen[name]} too"
+                    found = one_line(f"a duplicate key: '{name[:60]}' is on line {seen[name]} too")
                     raise InputError([Issue(str(path), at, field_name((*place, name)), found, "each key once")])
                 seen[name] = at
                 stack.append(((*place, name), value, at - 1))

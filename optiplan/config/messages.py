@@ -71,7 +71,12 @@ def field_name(place: Iterable[str | int]) -> str:
     text = ""
     for key in place:
         text += f"[{key}]" if isinstance(key, int) else f".{key}" if text else str(key)
-    return text or "file"
+    return one_line(text) or "file"
+
+
+def one_line(text: str) -> str:
+    """Return a text with escapes for what would break the line of a message, or rule the terminal it is printed to."""
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def describe(value: Any) -> str:

@@ -28,7 +28,7 @@ from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.robot.limits import Limits
 from optiplan.robot.mimic_joints import Mimic
 from optiplan.robot.read_robot import RobotParts
-from optiplan.robot.reference import DESCRIPTION, ROBOTS, Reference
+from optiplan.robot.reference import DESCRIPTION, ROBOTS, Reference, several_robots
 from optiplan.robot.self_collision.pair_survey import link_pairs, survey_pairs
 from optiplan.robot.self_collision.pairs import PROVED, fixed_pairs, set_pairs
 from optiplan.robot.spec import MecanumSpec
@@ -207,9 +207,12 @@ def _loaded(document: Document, name: str, spec: SideBySideSpec, load: "Callable
     """Return an arm as it is by itself, with its default group.
 
     Raises:
-        InputError: it cannot be loaded, about this arm of the document.
+        InputError: it cannot be loaded, or is several robots, by which a file could use itself without end.
     """
-    return _about(document, name, lambda: load(spec.robots[name].use, document.path.parent))
+    use, base = spec.robots[name].use, document.path.parent
+    if _about(document, name, lambda: several_robots(use, base)) is not None:
+        raise InputError([document.issue((ROBOTS, name, "use"), "several robots", "one robot; name each of them here")])
+    return _about(document, name, lambda: load(use, base))
 
 
 def _about(document: Document, name: str, made: Callable[[], T]) -> T:
@@ -392,7 +395,7 @@ def _urdf(arms: Sequence[_Arm]) -> str:
         carried = {child.get("link", "") for child in own.findall("joint/child")}
         for element in _renamed(own, arm):
             root.append(element)
-        joint = ET.SubElement(root, "joint", name=arm.of("base"), type="fixed")
+        joint = ET.SubElement(root, "joint", name=f"{arm.name}_base", type="fixed")  # all others have a "/"
         origin_element(joint, arm.X_WB)
         ET.SubElement(joint, "parent", link=ROOT)
         ET.SubElement(joint, "child", link=arm.of(next(link for link in links if link not in carried)))

@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.problem.constraints.balance import TipOver
 from optiplan.problem.problem import Problem
 from optiplan.robot.loaded_robots import once_for_each
 from optiplan.robot.mounting import GRAVITY
@@ -28,6 +29,7 @@ def scope(problem: Problem, robot: Robot, checks: Sequence[Check]) -> tuple[str,
         *_of_the_robot(robot),
         *_moving(problem),
         *_torque(problem, checks),
+        *_balance(problem),
         *_allowed(problem),
     )
 
@@ -112,6 +114,24 @@ def _torque(problem: Problem, checks: Sequence[Check]) -> list[str]:
     light = problem.robot.massless_links
     names = f"; without masses of their own: {', '.join(light)}" if light else ""
     return [f"torque: at all times, without friction{held}{names}"]
+
+
+def _balance(problem: Problem) -> list[str]:
+    """Name what counts as one where it must not tip over, and what of it weighs nothing."""
+    stated = [*problem.path_constraints, *(one for step in problem.task for one in step.constraints)]
+    if not any(isinstance(one, TipOver) for one in stated):
+        return []
+    robot = problem.robot
+    links = [frame.name for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
+    arms = sorted({link.partition("/")[0] for link in links}) if all("/" in link for link in links) else []
+    base = [] if robot.model.inertias[0].mass > 0.0 or robot.mecanum is not None else ["the base"]
+    light = ", ".join([*base, *robot.massless_links])
+    said = [
+        *([f"{' and '.join(arms)} together, as on one base"] if len(arms) > 1 else []),
+        *(["on corners that stand still while the base drives"] if robot.mecanum is not None else []),
+        *([f"without masses: {light}"] if light else []),
+    ]
+    return [f"tip over: {'; '.join(said)}"] if said else []
 
 
 def _carried(problem: Problem) -> str:

@@ -46,6 +46,14 @@ def test_a_good_file_becomes_the_model(tmp_path):
     assert model.items[0].size == 3
 
 
+def test_what_would_break_a_line_or_rule_the_terminal_is_escaped(tmp_path):
+    path = write(tmp_path, 'version: "a\\nb"\nname: a\n"k\\e[31m": 1\n')
+    found = messages(path)
+    assert all(message.isprintable() for message in found), found
+    assert any(r"version: 'a\nb'; expected a whole number" in message for message in found)
+    assert any(r"k\x1b[31m: unknown key 'k\x1b[31m'" in message for message in found)
+
+
 def test_lines_of_values_and_of_what_is_not_there(tmp_path):
     document = read_yaml(write(tmp_path, "version: 1\n\nitems:\n  - {size: 1}\n  -\n    size: 2\n"))
     assert [document.line(place) for place in [("version",), ("items", 0, "size"), ("items", 1, "size")]] == [1, 4, 6]

@@ -101,6 +101,13 @@ def test_the_urdf_holds_the_same_robot(arms, tmp_path):
     )
 
 
+def test_a_joint_of_an_arm_may_be_called_base(tmp_path):
+    path = write_robot(tmp_path, chain(joint("base", "a", "b")))
+    arms = op.Robot.side_by_side({"x": str(path), "y": {"use": str(path), "base": op.Pose((0, 2.0, 0))}})
+    (tmp_path / "arms.urdf").write_text(export_urdf(arms))
+    assert op.Robot.from_urdf(tmp_path / "arms.urdf", group=["x/base", "y/base"]).n == 2
+
+
 def test_the_urdf_has_the_materials_of_all_arms(tmp_path):
     colours = []
     for name, rgba in (("a", "1 0 0 1"), ("b", "0 0 1 1")):

@@ -13,6 +13,7 @@ from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.balance_check import _BaseBounds, tip_over
 from optiplan.verify.continuous.intervals import derivative_bounds
 from optiplan.verify.report import VerifyPolicy
+from optiplan.verify.scope import scope
 
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
@@ -73,6 +74,25 @@ def test_a_robot_without_masses_is_refused():
     check = tip_over(problem, motion, VerifyPolicy(), op.TipOver(SQUARE))
     assert not check.passed
     assert "no masses" in check.detail
+
+
+ROBOTS = {"a": "planar2r", "b": {"use": "planar2r", "base": op.Pose((0, 2, 0))}}
+
+
+@pytest.mark.parametrize(
+    ("robot", "words"),
+    [
+        (lambda: op.Robot.side_by_side(ROBOTS), "a and b together, as on one base; without masses: the base"),
+        (lambda: op.load_robot("delbot", group="all"), "on corners that stand still while the base drives"),
+        (lambda: op.load_robot("delbot", group="arm"), ""),
+    ],
+)
+def test_the_report_says_what_stands_on_the_corners(robot, words):
+    plain = op.Problem("planar2r", "up", "ready")
+    problem = derived(plain, robot=robot(), path_constraints=(op.TipOver(9.0 * SQUARE),))
+    said = [one for one in scope(problem, problem.robot, ()) if one.startswith("tip over")]
+    assert words in "".join(said)
+    assert bool(said) == bool(words)
 
 
 def test_a_start_that_tips_over_and_a_margin_beyond_the_polygon_are_bad_input():

@@ -142,8 +142,9 @@ class _Writer:
         """One link with its bodies, for collision and for view, and its inertia."""
         link = ET.SubElement(self.root, "link", name=name)
         if spec.mass is not None:
-            if not spec.geometry and spec.inertia is None and spec.mass > 0:
-                found = f"a mass of {spec.mass:g} kg without a body"
+            if spec.inertia is None and spec.mass > 0 and not sum(_volumes(spec)) > 0:
+                lacks = "whose bodies enclose no volume" if spec.geometry else "without a body"
+                found = f"a mass of {spec.mass:g} kg {lacks}"
                 self.issues.append(self.document.issue((*place, "mass"), found, "geometry, or centre and inertia"))
             else:
                 inertial_element(link, _inertia_of(spec, self.spec))
@@ -242,17 +243,23 @@ def _inertia_of(link: LinkSpec, spec: DhSpec) -> pin.Inertia:
     """Spatial inertia of a link in its frame: as stated, else its bodies filled evenly.
 
     I = Σ_b (m V_b / Σ V) Î_b with Î_b the inertia of body b for 1 kg; bodies that overlap count twice there.
-    A link of mass 0 without bodies has none.
+    A link of mass 0 has none.
     """
     mass = link.mass or 0.0
     if link.centre is not None and link.inertia is not None:
         return pin.Inertia(mass, np.array(link.centre), np.diag(link.inertia))
-    total = pin.Inertia.Zero()
-    volumes = [primitive_inertia(*_primitive(body)).mass for body in link.geometry or ()]
+    total, volumes = pin.Inertia.Zero(), _volumes(link)
+    if not mass:
+        return total
     for body, volume in zip(link.geometry or (), volumes, strict=True):
         own = primitive_inertia(*_primitive(body), mass * volume / sum(volumes))
         total = total + _body_pose(body, spec).act(own)
     return total
+
+
+def _volumes(link: LinkSpec) -> list[float]:
+    """Volumes of the bodies of a link, m³; of tiny ones they underflow to 0."""
+    return [primitive_inertia(*_primitive(body)).mass for body in link.geometry or ()]
 
 
 def _primitive(body: BodySpec) -> tuple[str, Sequence[float]]:

@@ -213,12 +213,12 @@ def shape_faults(geometry: ET.Element | None, owner: str = "collision") -> Itera
         scale = shape.get("scale", "1 1 1")
         numbers = plain_numbers(scale)
         if len(numbers) != 3 or not all(1e-9 < abs(x) < 1e9 for x in numbers):  # a mirrored mesh has one below 0
-            yield f"<mesh> with scale '{scale}'", "three numbers, none of them 0"
+            yield f"<mesh> with scale '{scale}'", "three numbers, none of them 0, of less than 1e9"
         return
     for name, count in SIZES[shape.tag].items():
         numbers = plain_numbers(shape.get(name, ""))
         if len(numbers) != count or not all(0.0 < x < 1e6 for x in numbers):
-            expected = "three numbers > 0" if count == 3 else "a number > 0"
+            expected = f"{'three numbers' if count == 3 else 'a number'} > 0 and < 1e6 m"
             yield f"<{shape.tag}> with {name} '{shape.get(name, '')}'", expected
 
 

@@ -54,6 +54,7 @@ def test_bases_may_be_in_frames_and_the_whole_may_stand_elsewhere(write):
     [
         ("b: {use: planar2r", "b: {use: planar9r", 5, "robots.b.use", "unknown robot 'planar9r'"),
         ("1.0, 0]", "0.0, 0]", 5, "robots.b.base", "an arm that stands in"),
+        ("b: {use: planar2r", "b: {use: {robots: {x: planar2r, y: planar2r}}", 5, "robots.b.use", "several robots"),
         ("use: planar2r, base", "base", 5, "robots.b.use", "nothing"),
         ("name: two", "robot: panda", 3, "robots", "`robots` beside `robot`"),
         ("start:", "group: c\nstart:", 6, "group", "unknown group 'c'"),
@@ -67,6 +68,13 @@ def test_errors_name_line_and_key_of_the_file(write, old, new, line, field, foun
     issues = check_file(write(text.replace(old, new)))
     assert (line, field) in [(issue.line, issue.field) for issue in issues], issues
     assert any(found in issue.found for issue in issues), issues
+
+
+def test_a_file_of_several_robots_does_not_use_itself(tmp_path):
+    cell = tmp_path / "cell.yaml"
+    cell.write_text("version: 1\nrobots: {a: {use: cell.yaml}, b: {use: planar2r}}\n")
+    with pytest.raises(InputError, match=r"cell.yaml:2: robots.a.use: several robots; expected one robot"):
+        op.load_robot(cell)
 
 
 def test_arms_that_meet_are_no_start_and_no_motion(write):
