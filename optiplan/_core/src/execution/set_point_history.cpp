@@ -43,8 +43,8 @@ double SetPointHistory::away(const double *q, const double *weights, int age, do
 }
 
 // On each line the place is that of the least sum of squares; on the best one and beside it it is narrowed down.
-// A robot a little ahead of its last set-point is nearer to an older one where it goes back the way that it came. So its
-// progress is that of the last passage that is farther off by no more than its line is long.
+// A robot a little ahead of its last set-point is nearer to an older one where it goes back the way that it came. So
+// its progress is that of the last passage that is farther off by no more than its line is long.
 NearestPlace SetPointHistory::nearest(const double *q, const double *weights, double *off) const {
     std::vector<double> shares(filled_, 0.0), sizes(filled_), lengths(filled_, 0.0);
     sizes[0] = away(q, weights, 0, 0.0);
