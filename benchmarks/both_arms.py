@@ -5,7 +5,8 @@
 
 Each scene is one of Panda's sets, moved in front of Baxter. The start is `ready`. The goal is the first configuration,
 of those drawn from one stream of numbers, in which both hands are among the obstacles, nothing touches and the motors
-hold the arms. `first_answer.py` measures them as the robot `baxter`.
+hold the arms. `first_answer.py` measures them as the robot `baxter`. With `--inside` the start is another such
+configuration: on the way, gravity alone is often too much for the shoulders.
 """
 
 import argparse
@@ -38,14 +39,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--every", type=int, default=5, help="every k-th scene of each set")
+    parser.add_argument("--inside", action="store_true", help="start among the obstacles, too")
     arguments = parser.parse_args()
-    found = both_arms(arguments.folder, arguments.every)
+    found = both_arms(arguments.folder, arguments.every, inside=arguments.inside)
     print(f"{sum(map(len, found.values()))} problems in {arguments.folder}", file=sys.stderr)
     return 0
 
 
-def both_arms(folder: Path, every: int = 1, offset: int = 0) -> dict[str, list[Path]]:
-    """Return files of problems by set, one for each scene in which a goal is found."""
+def both_arms(folder: Path, every: int = 1, offset: int = 0, *, inside: bool = False) -> dict[str, list[Path]]:
+    """Return files of problems by set, one for each scene in which a goal is found, and a start `inside`."""
     robot, rng = op.load_robot("baxter"), np.random.default_rng(0)
     found: dict[str, list[Path]] = {}
     with tempfile.TemporaryDirectory() as scenes:
@@ -55,16 +57,17 @@ def both_arms(folder: Path, every: int = 1, offset: int = 0) -> dict[str, list[P
             for file in files:
                 obstacles = yaml.safe_load(file.read_text())["scene"]["obstacles"]
                 goal = free_goal(robot, moved(obstacles, AHEAD.get(name, USUAL)), rng)
-                if goal is not None:
+                start = free_goal(robot, obstacles, rng) if inside else robot.configurations["ready"]
+                if goal is not None and start is not None:
                     path = folder / name / file.name
-                    path.write_text(yaml.safe_dump(statement(obstacles, goal.round(5).tolist())))
+                    path.write_text(yaml.safe_dump(statement(obstacles, start.round(5), goal.round(5))))
                     found[name].append(path)
     return found
 
 
-def statement(obstacles: list[dict[str, Any]], goal: list[float]) -> dict[str, Any]:
+def statement(obstacles: list[dict[str, Any]], start: np.ndarray, goal: np.ndarray) -> dict[str, Any]:
     """Return what a problem file says."""
-    ends = {"start": {"configuration": "ready"}, "goal": {"joints": goal}}
+    ends = {"start": {"joints": start.tolist()}, "goal": {"joints": goal.tolist()}}
     return {"version": 1, "robot": "baxter", **ends, "scene": {"obstacles": obstacles}}
 
 
@@ -79,7 +82,10 @@ def moved(obstacles: list[dict[str, Any]], ahead: float) -> list[dict[str, Any]]
 def free_goal(robot: op.Robot, obstacles: list[dict[str, Any]], rng: np.random.Generator) -> np.ndarray | None:
     """Return a configuration (14,) with both hands among the obstacles; None where none of those drawn is free."""
     ready = robot.configurations["ready"]
-    problem = op.load_problem(statement(obstacles, (ready + 0.01).tolist()))
+    try:
+        problem = op.load_problem(statement(obstacles, ready, ready + 0.01))
+    except op.InputError:  # `ready` is in collision
+        return None
     places = np.array([obstacle["pose"]["position"] for obstacle in obstacles])
     low, high, gravity = places.min(axis=0) - AROUND, places.max(axis=0) + AROUND, Gravity(robot, robot.limits.torque)
     arms = []

@@ -55,7 +55,8 @@ def fresh(program: str, argument: str) -> list[str]:
     """Lines that a new process prints."""
     variables = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
     command = [sys.executable, "-c", program, argument]
-    done = subprocess.run(command, capture_output=True, text=True, env=variables, timeout=300, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, env=variables, timeout=300)
+    assert done.returncode == 0, done.stderr
     return done.stdout.splitlines()
 
 
