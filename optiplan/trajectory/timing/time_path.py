@@ -30,6 +30,7 @@ _ROUNDS, _BEYOND = 6, 1e-3  # of halving parts; share of a limit by which a law 
 _EASED, _BEYOND_LIMITS = 4, 1e-3  # laws, each slower where the one before passed limits by more than this share
 _PLACES, _AROUND = 401, 2  # of a path, at which laws are made slower; and as many to either side
 _SAME_PLACE = 1e-9  # share of the path: what is outside a part of it by no more is at its end
+_ROUNDING = 1e-14  # share of the path: points of the grid that are no farther apart are one
 
 
 @dataclass(frozen=True)
@@ -190,7 +191,10 @@ def _grid(path: Trajectory, least: tuple[int, int], options: TimingOptions) -> A
     parts = np.maximum(of_piece, np.ceil(h * (least[0] / path.duration))).astype(int)
     ends = zip(path.breakpoints[:-1], path.breakpoints[1:], parts, strict=True)
     inner = [np.linspace(a, b, k + 1)[1:] for a, b, k in ends]
-    return distinct(np.concatenate([[0.0], *inner, path.duration * _part_ends(options)]))  # of tiny pieces too
+    every = distinct(np.concatenate([[0.0], *inner, path.duration * _part_ends(options)]))  # of tiny pieces too
+    grid = every[np.append(True, np.diff(every) > _ROUNDING * path.duration)]  # shares round to beside a breakpoint
+    grid[-1] = every[-1]
+    return grid
 
 
 def _part_ends(options: TimingOptions) -> Array:

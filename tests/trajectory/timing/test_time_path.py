@@ -17,7 +17,7 @@ from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.timing.path_constraints import rows_at, tool_motion
 from optiplan.trajectory.timing.reachability import fastest_law, slowness
 from optiplan.trajectory.timing.stops import stop_at_corners
-from optiplan.trajectory.timing.time_path import TimingOptions, ToolLimits, compose, time_path, time_path_by_law
+from optiplan.trajectory.timing.time_path import TimingOptions, ToolLimits, _grid, compose, time_path, time_path_by_law
 from optiplan.trajectory.timing.time_scaling import speed_ratio
 from optiplan.trajectory.timing.torque_scaling import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
@@ -259,6 +259,16 @@ def test_the_tool_is_as_slow_in_a_part_of_the_path_from_its_first_to_its_last_in
     twist, _ = tool_motion(panda, tool.frame, [motion(t, order) for order in range(3)])
     shares = np.linalg.norm(twist[:, :3], axis=1) / tool.linear, np.linalg.norm(twist[:, 3:], axis=1) / tool.angular
     assert 0.9 < np.max(shares) < 1.0 + 1e-4
+
+
+def test_a_part_that_rounds_to_beside_a_breakpoint_begins_there(panda, reach):
+    """No time passes between two such points; a task in which moves are joined ended with a ValueError."""
+    begin = reach.breakpoints[1] / reach.duration * (1.0 + 4e-16)
+    assert 0.0 < begin * reach.duration - reach.breakpoints[1] < 1e-15
+    parts = ((begin, 1.0 - 1e-16, ToolLimits(panda.tool_frame, linear=0.2)),)
+    grid = _grid(reach, (160, 4), TimingOptions(tool_parts=parts))
+    assert np.diff(grid).min() > 1e-4
+    assert np.isin(reach.breakpoints, grid).all()
 
 
 def test_tool_motion_is_the_derivative_of_the_pose(panda):
