@@ -192,7 +192,8 @@ def _grid(path: Trajectory, least: tuple[int, int], options: TimingOptions) -> A
     ends = zip(path.breakpoints[:-1], path.breakpoints[1:], parts, strict=True)
     inner = [np.linspace(a, b, k + 1)[1:] for a, b, k in ends]
     every = distinct(np.concatenate([[0.0], *inner, path.duration * _part_ends(options)]))  # of tiny pieces too
-    grid = every[np.append(True, np.diff(every) > _ROUNDING * path.duration)]  # shares round to beside a breakpoint
+    apart = np.append(True, np.diff(every) > _ROUNDING * path.duration)  # shares round to beside a breakpoint
+    grid: Array = every[apart]
     grid[-1] = every[-1]
     return grid
 
