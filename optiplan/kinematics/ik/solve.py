@@ -138,6 +138,6 @@ def _reason(robot: Robot, frame: str, found: list[Solution], miss: IkResult) -> 
     least = f"the nearest pose within them misses by {miss.position_error:.3g} m and {miss.orientation_error:.3g} rad"
     if found:
         outside = robot.limits.outside(found[0].q)
-        broken = [name for name, broken in zip(robot.joint_names, outside, strict=True) if broken]
+        broken = [robot.joint_names[j] for j in np.flatnonzero(outside)]
         return f"every branch breaks joint limits (the nearest those of {', '.join(broken)}); {least}"
     return f"no configuration puts '{frame}' at this pose; within the joint limits, {least.replace(' within them', '')}"

@@ -23,8 +23,8 @@ class Gravity:
 
     def __init__(self, robot: Robot, limit: Array, reserve: float = _RESERVE) -> None:
         self.joint_names, self.limit = robot.joint_names, limit
-        allowed = limit * (1.0 - reserve)
-        self.allowed: Array | None = allowed if (greatest_gravity(robot) > allowed).any() else None
+        heavy = np.isfinite(limits_at_rest(robot, limit, reserve)).any()
+        self.allowed: Array | None = limit * (1.0 - reserve) if heavy else None
         self._model = robot.model
 
     @cached_property
@@ -41,9 +41,9 @@ class Gravity:
         return torque
 
 
-def limits_at_rest(robot: Robot, limit: Array) -> Array:
-    """Return the torque limits (n,), N·m or N, of joints that gravity may ask for more of; infinite for the others."""
-    return np.where(greatest_gravity(robot) > limit * (1.0 - _RESERVE), limit, np.inf)
+def limits_at_rest(robot: Robot, limit: Array, reserve: float = _RESERVE) -> Array:
+    """Return the torque limits (n,), N·m or N, infinite where gravity never takes more than all but the `reserve`."""
+    return np.where(greatest_gravity(robot) > limit * (1.0 - reserve), limit, np.inf)
 
 
 @once_for_each

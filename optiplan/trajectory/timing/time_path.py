@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from optiplan.arrays import Array, Flags, distinct
+from optiplan.arrays import Array, Flags
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.samples import sample_times
 from optiplan.trajectory.timing.compose import compose, time_of
@@ -191,7 +191,7 @@ def _grid(path: Trajectory, least: tuple[int, int], options: TimingOptions) -> A
     parts = np.maximum(of_piece, np.ceil(h * (least[0] / path.duration))).astype(int)
     ends = zip(path.breakpoints[:-1], path.breakpoints[1:], parts, strict=True)
     inner = [np.linspace(a, b, k + 1)[1:] for a, b, k in ends]
-    every = distinct(np.concatenate([[0.0], *inner, path.duration * _part_ends(options)]))  # of tiny pieces too
+    every = np.sort(np.concatenate([[0.0], *inner, path.duration * _part_ends(options)]))  # of tiny pieces too
     apart = np.append(True, np.diff(every) > _ROUNDING * path.duration)  # shares round to beside a breakpoint
     grid: Array = every[apart]
     grid[-1] = every[-1]

@@ -142,8 +142,8 @@ bool TorqueRows::near_the_limit(const Vec &limit, double least, const char *watc
     return !near_.empty();
 }
 
-// The rows of one sample, where `dynamics_` has just been asked; of torques by position, or by rates of two `orders`
-// more.
+// The rows of the joints in `near_` at one sample, where `dynamics_` has just been asked: of a motion with `orders` 3,
+// or at rest with 1, by position alone.
 void TorqueRows::add(const Spline &spline, const Samples &samples, std::size_t i, double duration, int orders,
                      const Vec &limit, Inequalities &rows) {
     const std::size_t n = spline.joints, free = spline.free();
