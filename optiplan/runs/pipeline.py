@@ -1,5 +1,6 @@
 """Pipeline of planning and verification: `run` plans, verifies the result and returns both as a `Run`."""
 
+import logging
 import resource
 import time
 import traceback
@@ -8,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from optiplan.collision.passing_neighbours import apart_neighbours
-from optiplan.errors import InputError, OptiPlanError, PlannerAnswerError
+from optiplan.errors import InputError, OptiPlanError, PlannerAnswerError, named_reason
 from optiplan.libraries import clock, time_loading
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.safety_ends import ending_at
@@ -26,6 +27,8 @@ from optiplan.runs.wished_clearance import wished
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import verify as verifier
 from optiplan.verify.continuous.kept_clearance import kept_clearances
+
+_log = logging.getLogger(__name__)
 
 _NOTHING = 1e-3
 """s; import statements of what is there already take less, and so does looking through no other motions."""
@@ -56,7 +59,8 @@ def run(
 ) -> Run:
     """Plan, verify and measure; planning and proving are held to the budget.
 
-    The result is the best verified candidate of the planner, slowed down slightly where only that helps.
+    The result is the best verified candidate of the planner, slowed down slightly where only that helps. An exception
+    of the planner leaves the best motion proved before it, and `info["fault"]`; without such a motion it is raised.
 
     Args:
         problem: its own `planner` and `options` are ignored.
@@ -89,8 +93,15 @@ def run(
             result = plan_task(chosen, asked, within, proofs)
         else:
             result = plan_through(chosen, asked, within, proofs, earlier)
-    except SystemExit as error:  # it would end the program, with exit code 0 as if a motion were verified
-        raise RuntimeError(f"the planner raised SystemExit({error.code!r})") from error
+    except OptiPlanError:  # the options do not fit the problem, or the answer is none
+        raise
+    except (Exception, SystemExit) as error:
+        if not proofs.verified:
+            if isinstance(error, SystemExit):  # it would end the program, with exit code 0 as if a motion were verified
+                raise RuntimeError(f"the planner raised SystemExit({error.code!r})") from error
+            raise
+        *before, best = sorted(proofs.verified, key=lambda motion: problem.cost(motion.trajectory), reverse=True)
+        result = PlanResult(best.trajectory, None, {}, _fault(error), tuple(before), best.seconds)
     timings = {**prepared, "plan": clock() - began - proofs.seconds}
     spent = processor_time() - spent - proofs.processor
     if time_loading() - loaded > _NOTHING:
@@ -239,6 +250,13 @@ def plan_and_verify_once(
     )
 
 
+def _fault(error: BaseException) -> dict[str, Any]:
+    """Log an exception of a planner that had a verified motion already, and return it as an entry of a run's `info`."""
+    reason = named_reason(error)
+    _log.error("the planner failed, and the best motion proved before is the answer: %s", reason)
+    return {"fault": {"error": reason, "traceback": "".join(traceback.format_exception(error))}}
+
+
 def _prepare(problem: Problem) -> dict[str, float]:
     """Prove and survey what is kept of the robot's links, if nobody has; returns the seconds, where it took some."""
     began = clock()
@@ -315,7 +333,10 @@ def _wider(found: Run, planner: str | Planner[Any], budget: Budget, progress: Pr
     if type(chosen).near is Planner.near:
         return found
     near = _Near(found, chosen, progress)
-    wish = wished(found.problem, found.trajectory, found.timings.get("verify", 0.0), near, budget)
+    try:
+        wish = wished(found.problem, found.trajectory, found.timings.get("verify", 0.0), near, budget)
+    except Exception as error:
+        return replace(found, info={**found.info, **_fault(error)})
     if wish is None:
         return found
     kept = replace(found, info={**found.info, "wish": wish.to_dict()})

@@ -4,7 +4,7 @@ import time
 from typing import NamedTuple
 
 from optiplan.libraries import clock
-from optiplan.planners.base import Budget, Progress, announce
+from optiplan.planners.base import Budget, Candidate, Progress, announce
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Report
@@ -74,6 +74,11 @@ class ProofsOnTheWay:
         self._verdicts.append(Verdict(motion, report, end - self._began, end - began))
         if report.verified:
             self.proved(motion, end - self._began)
+
+    @property
+    def verified(self) -> list[Candidate]:
+        """The motions that were proved on the way and hold, in order."""
+        return [Candidate(one.motion, one.seconds - one.proof) for one in self._verdicts if one.report.verified]
 
     def verdict(self, motion: Trajectory) -> Verdict | None:
         """The verdict on a motion; None for one that was not proved on the way."""

@@ -51,7 +51,8 @@ class Run:
         stages: seconds of wall time of the planner's own stages.
         info: the planner's record of its work, JSON-ready; `slowed`, the factor on the planner's duration that
             verification required, if any; `wish`, what became of `Problem.wished_clearance`: `clearance`, m, whether it
-            is `kept`, and how much `longer` than the answer without it.
+            is `kept`, and how much `longer` than the answer without it; `fault`, the `error` and `traceback` of a
+            planner that failed after it had found a motion that was proved.
         improvements: (seconds of planning and proving, duration in s) of every verified motion on the way, each shorter
             than the last; but a motion that keeps the wished clearance may be longer by 2 %.
         proved_bound: of the duration of any motion of the problem, obstacles included; None: nobody asked.

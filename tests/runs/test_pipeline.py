@@ -1,17 +1,22 @@
+import io
 import json
 import sys
 import time
 
+import numpy as np
 import pytest
+from rich.console import Console
 
+from optiplan.cli.printing.report import show_run
 from optiplan.errors import UnknownChoiceError
-from optiplan.planners.base import Budget
+from optiplan.planners.base import Budget, announce
 from optiplan.planners.point_to_point.quintic import Quintic
 from optiplan.planners.registry import PLANNERS
 from optiplan.problem.load import problem_from_dict
 from optiplan.runs import pipeline
 from optiplan.runs.pipeline import run
 from optiplan.runs.run import versions
+from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.verify.report import jsonable
 
 FREE = {"version": 1, "robot": "planar2r", "start": {"joints": [0.5, 1.0]}, "goal": {"joints": [-0.5, 1.2]}}
@@ -105,6 +110,44 @@ def test_a_bug_of_a_planner_is_not_swallowed(problem, monkeypatch):
 def test_a_planner_that_exits_does_not_end_the_program(problem, monkeypatch):
     monkeypatch.setattr(Quintic, "plan", lambda *_: sys.exit(0))
     with pytest.raises(RuntimeError, match=r"SystemExit\(0\)"):
+        run(problem, "quintic", {}, Budget(10.0), silent)
+
+
+@pytest.mark.parametrize("last", [1, 2])
+@pytest.mark.parametrize("error", [ValueError("no gain"), SystemExit(0)], ids=["error", "exit"])
+def test_a_planner_that_fails_later_leaves_the_best_motion_that_was_proved(problem, monkeypatch, caplog, error, last):
+    plan = Quintic.plan
+
+    def fail(planner, problem, budget, progress):
+        motion = plan(planner, problem, budget, progress).trajectory
+        for factor in (2.0, 1.5)[:last]:
+            progress._free = 0.0  # each is proved at once
+            announce(progress, motion.scaled(factor * motion.duration))
+        announce(progress, motion)  # nobody proved this one, since the last proof was a moment ago
+        raise error
+
+    monkeypatch.setattr(Quintic, "plan", fail)
+    alone = run(problem, "quintic", {}, Budget(10.0), silent)
+    assert alone.verified
+    assert alone.duration == min(duration for _, duration in alone.improvements)
+    assert len(alone.improvements) == last
+    assert alone.info["fault"]["error"].startswith(type(error).__name__)
+    assert "in fail" in alone.info["fault"]["traceback"]
+    assert "the planner failed" in caplog.text
+    shown = io.StringIO()
+    show_run(Console(file=shown, width=300), alone)
+    assert "note: the planner failed" in shown.getvalue()
+    assert "verified" in shown.getvalue()
+
+
+def test_a_planner_that_fails_with_a_motion_that_does_not_hold_has_failed(problem, monkeypatch):
+    def fail(planner, problem, budget, progress):
+        motion = stop_at_corners(np.array([[0.5, 1.0], [9.0, 1.0]]), problem.limits, problem.robot.joint_names)
+        announce(progress, motion)
+        raise ArithmeticError("no gain")
+
+    monkeypatch.setattr(Quintic, "plan", fail)
+    with pytest.raises(ArithmeticError, match="no gain"):
         run(problem, "quintic", {}, Budget(10.0), silent)
 
 

@@ -119,6 +119,17 @@ def test_a_motion_at_hand_is_no_way_round_the_wish(shelf: op.Problem, shaving: o
     assert least(shelf, run.trajectory) >= WISHED
 
 
+def test_a_planner_that_fails_at_the_wish_leaves_the_answer(shelf: op.Problem, shaving: op.Run) -> None:
+    class Failing(Stub):
+        def near(self, problem, earlier, budget):
+            raise ArithmeticError("nothing near")
+
+    run = op.plan(shelf, Failing(first=shaving.trajectory), budget=BUDGET)
+    assert run.verified
+    assert run.trajectory is shaving.trajectory
+    assert run.info["fault"]["error"] == "ArithmeticError: nothing near"
+
+
 def test_comparisons_do_not_wish(shelf: op.Problem) -> None:
     run = plan_and_verify_once(shelf, "trajopt", {}, Budget(1.0), lambda stage, share: None)
     assert run.verified

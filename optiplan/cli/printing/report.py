@@ -42,10 +42,18 @@ def show_run(console: Console, run: Run, full: bool = False) -> None:
     for line in (*_wish(run.info.get("wish")), *_stops(run.info.get("stops", ()), full)):
         console.print(line, markup=False, style="dim")
     console.print(_times(run), markup=False, style="dim")
-    if run.trajectory is not None and (what := run.info.get("fallback")):
-        console.print(f"note: no optimised motion was found; this is the {what}, timed", style="yellow", soft_wrap=True)
-    for note in run.problem.robot.notes if run.report is None else ():  # the report holds them as well
+    for note in _notes(run):
         console.print(f"note: {note}", style="yellow", markup=False, soft_wrap=True)
+
+
+def _notes(run: Run) -> list[str]:
+    """What somebody should know who uses the motion."""
+    notes = []
+    if run.trajectory is not None and (what := run.info.get("fallback")):
+        notes.append(f"no optimised motion was found; this is the {what}, timed")
+    if fault := run.info.get("fault"):
+        notes.append(f"the planner failed ({fault['error']}); this is the best motion proved before. Please report it")
+    return notes + list(run.problem.robot.notes if run.report is None else ())  # a report holds the robot's as well
 
 
 def show_report(console: Console, report: Report, full: bool = False, title: str = "", quality: str = "") -> None:
