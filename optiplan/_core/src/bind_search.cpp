@@ -34,8 +34,8 @@ static void make_checker(EdgeChecker *self, const World &world, const Matrix &ar
 
 // `rows` (5, m): box, units, limits of velocity and acceleration.
 static void make_search(RrtConnect *self, EdgeChecker &check, const Vector &still, const Indices &joints,
-                        const Matrix &rows, double least, const Vector &start, const Matrix &goals, double reach,
-                        std::uint64_t seed) {
+                        const Matrix &rows, double least, int carriers, const Vector &start, const Matrix &goals,
+                        double reach, std::uint64_t seed) {
     const std::size_t m = joints.size();
     expect_configuration(check, still);
     expect(rows.shape(0) == 5 && rows.shape(1) == m && start.size() == m && goals.shape(1) == m && goals.shape(0) > 0,
@@ -53,7 +53,8 @@ static void make_search(RrtConnect *self, EdgeChecker &check, const Vector &stil
     space.lower = row(0), space.upper = row(1), space.units = row(2);
     space.velocity = row(3), space.acceleration = row(4);
     for (double unit : space.units) expect(unit > 0.0, "units above 0");
-    space.least = least;
+    expect(carriers >= 0 && carriers <= static_cast<int>(m), "carriers among the searched joints");
+    space.least = least, space.carriers = carriers;
     new (self) RrtConnect(check, std::move(space), start.data(), to_vector(goals), reach, seed);
 }
 
@@ -115,8 +116,8 @@ void bind_search(nb::module_ &m) {
             "waypoints"_a);
     m.def("shorten", &shorten, "check"_a, "waypoints"_a, "velocity"_a, "draws"_a, "seconds"_a);
     nb::class_<RrtConnect>(m, "RrtConnect")
-        .def("__init__", &make_search, "check"_a, "still"_a, "joints"_a, "rows"_a, "least"_a, "start"_a, "goals"_a,
-             "reach"_a, "seed"_a, nb::keep_alive<1, 2>())
+        .def("__init__", &make_search, "check"_a, "still"_a, "joints"_a, "rows"_a, "least"_a, "carriers"_a, "start"_a,
+             "goals"_a, "reach"_a, "seed"_a, nb::keep_alive<1, 2>())
         .def("grow", &RrtConnect::grow, "iterations"_a, "seconds"_a, nb::call_guard<nb::gil_scoped_release>())
         .def_prop_ro("iterations", &RrtConnect::iterations)
         .def_prop_ro("met", &RrtConnect::met)

@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 
 from optiplan._core import core
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags
 from optiplan.planners.base import Budget
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_space import Ends, search_bounds
@@ -76,7 +76,8 @@ def native_rrt_connect(
     rows = np.vstack([*search_bounds(limits, ends), check.units, limits.velocity, limits.acceleration])
     places = np.flatnonzero(joints)
     roots = np.ascontiguousarray(start), np.ascontiguousarray(goals)
-    trees = core.RrtConnect(check.native, still, places, rows, check.least, *roots, reach, seed)
+    carriers = carrying(check.model.robot.revolute[joints])
+    trees = core.RrtConnect(check.native, still, places, rows, check.least, carriers, *roots, reach, seed)
     while not (trees.met or trees.full or budget.over or trees.iterations >= patience):
         left = ceil(min(patience - trees.iterations, 1e6))
         trees.grow(left, min(_SLICE, budget.remaining))
@@ -87,3 +88,12 @@ def native_rrt_connect(
     samples = [trees.sample(tree, TREE_SAMPLE, n)[:, places] for tree in (0, 1)]
     impatient = path is None and not budget.over
     return Search(path, samples[0], samples[1], (trees.size(0), trees.size(1)), impatient=impatient)
+
+
+def carrying(turns: Flags) -> int:
+    """Return how many of the joints, (m,), the first ones, carry the others about: those of a base that drives.
+
+    They are joints that slide, at least two, and the first one that turns; a single one that slides lifts an arm.
+    """
+    slide = int(np.argmax(turns)) if turns.any() else 0
+    return slide + 1 if 1 < slide < len(turns) - 1 else 0

@@ -71,7 +71,7 @@ class Attempts:
     _breaking: tuple[Broken, Trajectory] | None = None
 
     def __post_init__(self) -> None:
-        self.ahead = SpeculativeAttempts(self.optimiser.problem, self.optimiser.options, self.budget)
+        self.ahead = SpeculativeAttempts(self.optimiser, self.budget)
 
     def attempt(self, kind: Kind, control: Array, budget: Budget) -> Attempt | None:
         """Optimise from control points (K, n), and keep a free result."""

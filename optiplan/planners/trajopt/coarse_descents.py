@@ -19,6 +19,9 @@ from optiplan.trajectory.trajectory import Trajectory
 _SPANS, _SAMPLES, _SPACING = 14, 40, 0.05
 """Spans of a coarse curve, its least number of samples, and the largest motion of a body between two of them, m."""
 
+_LEGS, _EACH, _MOST = 11, 3, 100
+"""Legs of a path that such curves can follow, spans for each leg of a longer path, and the most spans of all of it."""
+
 _STEPS = 50
 """Largest number of steps of a coarse descent: after about thirty, its duration is known."""
 
@@ -72,13 +75,28 @@ class CoarseDescents:
         budget: of the run.
         patience: counts the work.
         watch: of the run.
+        spans: of coarse curves.
     """
 
     optimiser: Optimiser
     budget: Budget
     patience: Patience
     watch: Stopwatch
+    spans: int = _SPANS
     _coarse: dict[CollisionModel, Optimiser] = field(default_factory=dict)
+
+    def follow(self, waypoints: Array) -> None:
+        """Give all further curves, full ones too, more spans where a path (k, n) has more legs than they can follow.
+
+        No curve may be kept yet: one that begins where another ended has as many spans.
+        """
+        legs = len(waypoints) - 1
+        spans = min(_EACH * legs, _MOST)
+        if legs > _LEGS and spans > self.spans:
+            self.spans = spans
+            self._coarse.clear()
+            if spans > self.optimiser.options.spans:
+                self.optimiser.spread(spans)
 
     def descend(self, model: CollisionModel, path: SampledPath, best: float) -> CoarseCurve | None:
         """Return the curve from a path among the obstacles of a model; None where it stays in them.
@@ -146,6 +164,6 @@ class CoarseDescents:
     def _among(self, model: CollisionModel) -> Optimiser:
         if model not in self._coarse:
             options = self.optimiser.options
-            few = options.coarse(min(_SPANS, options.spans), min(_SAMPLES, options.samples))
+            few = options.coarse(min(self.spans, options.spans), min(_SAMPLES, options.samples))
             self._coarse[model] = Optimiser(self.optimiser.problem, model, few)
         return self._coarse[model]

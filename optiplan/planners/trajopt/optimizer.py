@@ -134,6 +134,11 @@ class Optimiser:
         self.steps = self.taken = 0
         self.log: IterationLog = NOTHING
 
+    def spread(self, spans: int) -> None:
+        """Give all further curves this number of spans in place of the option's."""
+        self.options = replace(self.options, spans=spans)
+        self.basis = bunched_basis(spans, self.options.bunching, self.end is not None)
+
     def along(self, waypoints: Array) -> Array:
         """Return the control points (K, n) of a curve near straight segments between waypoints (k, n)."""
         return along_path(self.basis, waypoints, self.problem.limits.velocity)

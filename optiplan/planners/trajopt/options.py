@@ -12,7 +12,9 @@ AUTO = "auto"
 class TrajOptOptions(PlannerOptions):
     """Options of `trajopt`; the defaults are measured on MotionBenchMaker (benchmarks/README.md)."""
 
-    spans: int = option(22, "polynomial pieces of the spline.", least=4, most=1000)
+    spans: int = option(
+        22, "polynomial pieces of the spline; more where a sampled path has many corners.", least=4, most=1000
+    )
     bunching: float = option(0.6, "0 for equal pieces, towards 1 for shorter ones at both ends.", least=0, most=0.99)
     samples: int = option(
         64,

@@ -85,6 +85,7 @@ class PathSearch:
         found: path found before a line was optimised, not optimised yet.
         depth: index in `_DEPTHS` for the next search between thinner obstacles.
         in_vain: searches since the last path found.
+        settled: whether the spans of curves are, since others have curves of so many.
     """
 
     problem: Problem
@@ -99,6 +100,7 @@ class PathSearch:
     begun: int = 0
     depth: int = 0
     in_vain: int = 0
+    settled: bool = False
     _waiting: list[tuple[SampledPath, CoarseCurve]] = field(default_factory=list)
     _checks: dict[float, MotionCheck] = field(default_factory=dict)
     _proved: tuple[Array, bool] | None = None
@@ -203,6 +205,7 @@ class PathSearch:
             if isinstance(path, Failure):
                 failure, self.depth, self.in_vain = path, 0, self.in_vain + 1
                 break
+            self._follow(path)
             if not (known or self.incumbent.candidates):
                 self._first(path.waypoints)
             curve = self.coarse.descend(self._check(_DEPTHS[self.depth]).model, path, best)
@@ -217,7 +220,9 @@ class PathSearch:
     def anew(self, patience: Patience, incumbent: CurveIncumbent) -> "PathSearch":
         """Return searches from the first seed that share only the collision models."""
         coarse = replace(self.coarse, patience=patience)
-        fresh = PathSearch(incumbent.problem, self.model, self.budget, patience, incumbent, self.watch, coarse)
+        fresh = PathSearch(
+            incumbent.problem, self.model, self.budget, patience, incumbent, self.watch, coarse, settled=True
+        )
         fresh._checks = self._checks
         return fresh
 
@@ -300,10 +305,17 @@ class PathSearch:
             )
             path = sample_path(check, self.problem.start, goals, options)
         self.patience.work(shortcuts=min(options.attempts, _COUNTED) if isinstance(path, SampledPath) else 0)
+        if isinstance(path, SampledPath) and aims is None:
+            self._follow(path)
         self.incumbent.info["cut_short"] |= isinstance(path, Failure) and budget.over
         if real and isinstance(path, SampledPath) and not self.incumbent.candidates:
             self._first(path.waypoints)
         return path
+
+    def _follow(self, path: SampledPath) -> None:
+        """Give curves the spans that they need to follow a path; where there are curves already, they have to do."""
+        if not (self.settled or self._waiting or self.incumbent.curve is not None):
+            self.coarse.follow(path.waypoints)
 
     def free(self, waypoints: Array) -> bool:
         """Return whether a path (k, n) is free between the real obstacles; asked again of the last one, it knows."""

@@ -15,7 +15,6 @@ from optiplan.planners.trajopt.optimizer import Attempt, AttemptOptions, Optimis
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.program.iteration_log import IterationLog
 from optiplan.planners.trajopt.program.sqp import SLOW
-from optiplan.problem.problem import Problem
 
 _POLL = 0.02
 """s between two checks of the budget while another thread finishes the attempt."""
@@ -72,10 +71,11 @@ class SpeculativeAttempts:
     releases the interpreter; there, and without the core, no thread is begun.
     """
 
-    def __init__(self, problem: Problem, options: TrajOptOptions, budget: Budget) -> None:
-        self._problem, self._options, self._budget = problem, options, budget
+    def __init__(self, optimiser: Optimiser, budget: Budget) -> None:
+        self._like, self._budget = optimiser, budget
+        problem, workers = optimiser.problem, optimiser.options.workers
         native = core is not None and problem.objective.plain and not problem.path_constraints
-        self._threads = ThreadPoolExecutor(options.workers - 1) if native and options.workers > 1 else None
+        self._threads = ThreadPoolExecutor(workers - 1) if native and workers > 1 else None
         self._own = threading.local()
         self._tasks: dict[bytes, _Begun] = {}
         self.used = 0
@@ -84,13 +84,13 @@ class SpeculativeAttempts:
         """Begin attempts from the first of these curves (K, n); end all others."""
         if self._threads is None:
             return
-        wanted = {control.tobytes(): control for control in islice(curves, self._options.workers)}
+        wanted = {control.tobytes(): control for control in islice(curves, self._like.options.workers)}
         for key in self._tasks.keys() - wanted.keys():
             self._tasks.pop(key).end()
         for key, control in wanted.items():
             if key not in self._tasks:
                 cancel = threading.Event()
-                future = self._threads.submit(self._run, control, best, patient, cancel)
+                future = self._threads.submit(self._run, self._like.options, control, best, patient, cancel)
                 self._tasks[key] = _Begun(best, patient, future, cancel)
 
     def take(self, control: Array, budget: Budget, best: float, patient: bool) -> AttemptOutcome | None:
@@ -119,15 +119,16 @@ class SpeculativeAttempts:
         if self._threads is not None:
             self._threads.shutdown()
 
-    def _run(self, control: Array, best: float, patient: bool, cancel: threading.Event) -> AttemptOutcome:
+    def _run(
+        self, options: TrajOptOptions, control: Array, best: float, patient: bool, cancel: threading.Event
+    ) -> AttemptOutcome:
         """Run an attempt in a thread, which has a collision model of its own."""
         optimiser: Optimiser | None = getattr(self._own, "optimiser", None)
-        if optimiser is None:
-            error = self._problem.tracking_error
-            model = planning_model(self._problem.robot, self._problem.scene, error=error)
-            optimiser = self._own.optimiser = Optimiser(self._problem, model, self._options)
+        if optimiser is None or optimiser.options is not options:
+            problem = self._like.problem
+            model = planning_model(problem.robot, problem.scene, error=problem.tracking_error)
+            optimiser = self._own.optimiser = Optimiser(problem, model, options)
         free = list[Attempt]()
         budget = Budget(self._budget.remaining, cancel)
-        options = AttemptOptions(None, best, patient, free.append)
-        attempt = optimiser.run(control, budget, options)
+        attempt = optimiser.run(control, budget, AttemptOptions(None, best, patient, free.append))
         return AttemptOutcome(attempt, optimiser.taken, free[0] if free else None, optimiser.log)

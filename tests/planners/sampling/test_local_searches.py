@@ -13,6 +13,7 @@ from optiplan.planners.sampling.local_searches import box_of_paths, improved_pat
 from optiplan.planners.sampling.ompl_search import rrt_connect
 from optiplan.planners.sampling.ompl_space import search_bounds
 from optiplan.planners.sampling.sample_path import path_check
+from optiplan.planners.sampling.search import carrying
 from optiplan.planners.sampling.shortcutting import path_time, shorten
 from optiplan.problem.problem import JointGoal
 from optiplan.trajectory.timing.lower_bound import lower_bound
@@ -121,7 +122,7 @@ def test_where_a_search_is_cut_changes_nothing():
 
     def search(rows=rows):
         ends = problem.start, goal[None]
-        return core.RrtConnect(check.native, still, np.flatnonzero(joints), rows, check.least, *ends, 0.4, 3)
+        return core.RrtConnect(check.native, still, np.flatnonzero(joints), rows, check.least, 0, *ends, 0.4, 3)
 
     whole, cut = search(), search()
     whole.grow(20_000, 1e9)
@@ -131,3 +132,40 @@ def test_where_a_search_is_cut_changes_nothing():
     assert np.array_equal(cut.path(7), whole.path(7))
     with pytest.raises(ValueError, match="units above 0"):
         search(rows * np.array([1.0, 1.0, 0.0, 1.0, 1.0])[:, None])
+
+
+def test_a_base_that_drives_carries_an_arm():
+    assert carrying(cases.robot("delbot").revolute) == 3
+    assert carrying(cases.robot("panda").revolute) == 0
+    assert carrying(np.array([False, True, True])) == 0  # a torso that lifts an arm
+    assert carrying(np.array([False, False, True])) == 0  # a base alone
+    assert carrying(np.array([False, False, False])) == 0
+
+
+@pytest.mark.skipif(core is None, reason="the native core is not built")
+def test_a_way_for_a_base_is_found_sooner_with_its_arm_as_at_an_end():
+    """Through one door after the other."""
+    arm = [[0.3, -0.6, -1.2, -2.9, -1.5708, 0.0], [0.8, -0.9, -1.0, -2.5, -1.2, 0.4]]
+    start, goal = np.array([-3.0, 0.0, 0.0, *arm[0]]), np.array([3.0, 0.0, 0.0, *arm[1]])
+    walls = [
+        cases.box(f"wall {x} {side}", (0.1, 4.0, 1.5), (x, door + 2.6 * side, 0.75))
+        for x, door in ((-1.5, 2.0), (0.0, -2.0), (1.5, 2.0))
+        for side in (-1, 1)
+    ]
+    problem = cases.problem("delbot", start, [JointGoal(goal)], *walls)
+    check = path_check(planning_model(problem.robot, problem.scene), problem.limits).by_moment_arms()
+    limits = problem.limits
+    rows = np.vstack([*search_bounds(limits, (start, goal[None])), check.units, limits.velocity, limits.acceleration])
+
+    def iterations(carriers: int) -> int:
+        total = 0
+        for seed in range(4):
+            ends = start, goal[None]
+            trees = core.RrtConnect(check.native, start, np.arange(9), rows, np.inf, carriers, *ends, 0.4, seed)
+            trees.grow(20_000, 1e9)
+            total += trees.iterations
+        return total
+
+    assert iterations(3) < 0.5 * iterations(0)
+    with pytest.raises(ValueError, match="carriers among the searched joints"):
+        iterations(10)

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget
 from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
@@ -19,7 +20,7 @@ from optiplan.planners.trajopt.path_search import PathSearch
 from optiplan.planners.trajopt.program.sqp import STUCK, DescentOptions
 from optiplan.planners.trajopt.stopping_rule import STEP
 from optiplan.problem.objectives.objective import Objective
-from optiplan.problem.problem import Problem, derived
+from optiplan.problem.problem import JointGoal, Problem, derived
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.verify.verify import verify
 from tests.planners import cases
@@ -212,3 +213,47 @@ def test_coarse_curves_are_compared_by_cost(monkeypatch: pytest.MonkeyPatch) -> 
     assert isinstance(sampler, GoalSampler)
     run.paths._compared(sampler, None, 2)
     assert compared == [np.inf, 20.0]
+
+
+def _slalom() -> tuple[Problem, Array]:
+    """A mobile arm that drives through a door in each of six walls, now left, now right; and a path (14, 9)."""
+    arm, walls, way = [0.3, -0.6, -1.2, -2.9, -1.5708, 0.0], [], [[-4.4, 0.0]]
+    for k, x in enumerate(np.linspace(-3.5, 3.5, 6).tolist()):
+        y = 1.5 * (-1.0) ** k
+        for name, end, door in (("left", 4.0, y + 0.65), ("right", -4.0, y - 0.65)):
+            walls.append(cases.box(f"{name} of {k}", (0.1, abs(end - door), 1.0), (x, 0.5 * (end + door), 0.5)))
+        way += [[x - 0.62, y], [x + 0.62, y]]
+    waypoints = np.array([[*place, 0.0, *arm] for place in (*way, [4.4, 0.0])])
+    return cases.problem("delbot", waypoints[0], [JointGoal(waypoints[-1])], *walls), waypoints
+
+
+def test_curves_get_the_spans_that_a_path_of_many_legs_needs() -> None:
+    problem, waypoints = _slalom()
+    run = _run(problem)
+    coarse, spans = run.paths.coarse, run.optimiser.options.spans
+    assert path_check(run.model, problem.limits).polyline_free(waypoints)
+    coarse.follow(waypoints[:8])
+    assert run.optimiser.options.spans == spans
+    assert coarse.at_once(waypoints) is None
+    coarse.follow(waypoints)
+    curve = coarse.at_once(waypoints)
+    assert curve is not None
+    assert verify(problem, curve).verified
+    assert run.optimiser.options.spans > spans
+    assert len(run.optimiser.along(waypoints)) > len(_run(problem).optimiser.along(waypoints))
+
+
+def test_spans_stay_once_there_is_a_curve() -> None:
+    """One that begins where another ended has as many."""
+    problem, waypoints = _slalom()
+    run = _run(problem)
+    path, spans = SampledPath(waypoints, 0, 1.0, {}), run.optimiser.options.spans
+    others = run.paths.anew(run.patience, run.incumbent)
+    others._follow(path)
+    assert run.optimiser.options.spans == spans
+    run.paths._waiting.append((path, CoarseCurve(waypoints, 1.0)))
+    run.paths._follow(path)
+    assert run.optimiser.options.spans == spans
+    run.paths._waiting.clear()
+    run.paths._follow(path)
+    assert run.optimiser.options.spans > spans

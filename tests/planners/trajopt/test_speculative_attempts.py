@@ -56,9 +56,8 @@ def test_threads_end_with_the_cancelling_of_the_plan(problems: Path) -> None:
 
 def test_an_outcome_is_taken_only_where_it_is_that_of_an_attempt_begun_now(problems: Path) -> None:
     problem = load_problem(problems / "01_reach.yaml")
-    run = TrajOpt(TrajOptOptions(workers=2))
-    ahead, budget = SpeculativeAttempts(problem, run.options, Budget(60.0)), Budget(60.0)
-    optimiser = Optimiser(problem, planning_model(problem.robot, problem.scene), run.options)
+    optimiser = Optimiser(problem, planning_model(problem.robot, problem.scene), TrajOptOptions(workers=2))
+    ahead, budget = SpeculativeAttempts(optimiser, Budget(60.0)), Budget(60.0)
     goal = problem.start + 0.3
     control = along_path(optimiser.basis, np.array([problem.start, goal]), problem.limits.velocity)
     ahead.precompute([control], np.inf, False)
@@ -91,3 +90,22 @@ def test_every_improvement_is_told_with_duration_and_bound(problems: Path) -> No
     assert len(durations) == len(result.earlier) + 1
     assert durations[-1] == result.trajectory.duration
     assert all(0.0 < bound <= duration for (_, bound), duration in zip(told, durations, strict=True))
+
+
+def test_threads_follow_the_spans_of_the_planner(problems: Path) -> None:
+    problem = load_problem(problems / "01_reach.yaml")
+    optimiser = Optimiser(problem, planning_model(problem.robot, problem.scene), TrajOptOptions(workers=2))
+    ahead, waypoints = SpeculativeAttempts(optimiser, Budget(60.0)), np.array([problem.start, problem.start + 0.3])
+    sizes = []
+    for spans in (22, 40):
+        optimiser.spread(spans)
+        control = optimiser.along(waypoints)
+        ahead.precompute([control], np.inf, False)
+        wait_until(lambda: all(task.future.done() for task in ahead._tasks.values()))
+        outcome = ahead.take(control, Budget(60.0), np.inf, False)
+        assert outcome is not None
+        assert outcome.attempt is not None
+        assert outcome.attempt.control.shape == control.shape
+        sizes.append(len(control))
+    ahead.close()
+    assert sizes[0] < sizes[1]

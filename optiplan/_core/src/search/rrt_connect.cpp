@@ -10,6 +10,7 @@ namespace optiplan {
 static constexpr int TURN = 8;  // iterations of which one takes the trees in turn, whatever their sizes
 static constexpr double DOUBLED = 2500.0;  // iterations in which the duration of motions doubles
 static constexpr int ANYWHERE = 3;  // iterations of which one draws from the whole box: if no short motion passes
+static constexpr double AS_AT_END = 0.5;  // share of the draws that have what is carried as it is at an end
 static constexpr int MOST_STATES = 5'000'000;  // of both trees, some 80 bytes each
 static constexpr int DRAWS = 64;  // of one iteration: where the set is much smaller than its box, the last is taken
 
@@ -101,7 +102,12 @@ void RrtConnect::draw() {
     }
     for (int k = 0; k < DRAWS; ++k) {
         for (int j = 0; j < m; ++j) target_[j] = low_[j] + random_.uniform() * (high_[j] - low_[j]);
-        if (anywhere || passed_within(target_.data(), duration)) return;
+        if (anywhere || passed_within(target_.data(), duration)) break;
+    }
+    if (space_.carriers > 0 && random_.uniform() < AS_AT_END) {
+        const int goal = static_cast<int>(random_.uniform() * goals_);
+        const double *end = random_.uniform() < 0.5 ? start : trees_[1].at(goal);
+        std::copy(end + space_.carriers, end + m, target_.begin() + space_.carriers);
     }
 }
 

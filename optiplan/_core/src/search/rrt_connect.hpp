@@ -21,6 +21,7 @@ struct SearchSpace {
     std::vector<double> units;          // (m,), scale of distances: |x| with x = q / units
     std::vector<double> velocity, acceleration;  // (m,), limits, units of the joint per s and s^2
     double least;                       // s; infinite: everywhere in the box
+    int carriers;                       // joints, the first ones, that carry the others about; 0: none
 };
 
 class RrtConnect {
@@ -52,7 +53,8 @@ class RrtConnect {
     Step extend(int tree, int from);
     int next_tree();
 
-    // Draw `target_`.
+    // Draw `target_`. Where some joints carry the others about, as a base that drives does its arm, every second one
+    // has the others as they are at the start or a goal: a way for the base is found before one for all joints.
     void draw();
 
     // Whether a motion from the start to a goal can pass through x (m,) within so many seconds.
