@@ -91,7 +91,7 @@ class SectionPlanner:
             planned = search.run()
         self.moves += search.infos
         self.info["attempts"] += search.attempts
-        self.info["cut_short"] |= search.cut_short
+        self.info["cut_short"] |= search.cut_short or search.hurried
         if isinstance(planned, Failure):
             return planned
         parts: list[TaskPart] = []

@@ -11,7 +11,7 @@ import pytest
 
 import optiplan as op
 from optiplan.planners.base import Budget
-from optiplan.planners.task import search
+from optiplan.planners.task import planner, search
 from optiplan.planners.task.chains import do_chain
 from optiplan.planners.task.sections import timed_step
 from optiplan.planners.task.stages import Stages, WorldState
@@ -208,6 +208,30 @@ def _hurried(monkeypatch, wanted):
 def test_a_hurried_search_goes_on_with_what_it_has(run, monkeypatch):
     _hurried(monkeypatch, lambda found: found == 1)  # else without a motion
     found = op.plan(run.problem, "rrtconnect", budget=60.0)
+    assert found.verified
+    assert found.info["cut_short"]
+
+
+def test_a_move_that_was_hurried_makes_a_task_that_was(run, monkeypatch):
+    """`cut_short` was false, and another run of the same seed found another motion."""
+
+    def hurried(*arguments, through=search.plan_through):
+        result = through(*arguments)
+        return replace(result, info={**result.info, "cut_short": True})
+
+    monkeypatch.setattr(search, "plan_through", hurried)
+    found = op.plan(run.problem, "rrtconnect", budget=60.0)
+    assert found.verified
+    assert found.info["cut_short"]
+
+
+@pytest.mark.parametrize("obstacles_move", [False, True])
+def test_steps_that_no_time_was_left_to_join_make_a_task_that_was_cut_short(run, monkeypatch, obstacles_move):
+    ball = op.Sphere("ball", 0.05, position=(-1.0, 0.0, 0.5))
+    moving = derived(run.problem, scene=run.problem.scene.with_(ball.moving([[0, 0.1], [0], [0]], until=0.5)))
+    problem = moving if obstacles_move else run.problem
+    monkeypatch.setattr(planner, "_JOINING", 0.0)
+    found = op.plan(problem, "rrtconnect", budget=60.0)
     assert found.verified
     assert found.info["cut_short"]
 
