@@ -152,6 +152,7 @@ class _NonzeroEndRun:
         still = derived(problem, goal=tuple(goals)).with_start(problem.start if stop is None else stop.end)
         with self.watch.stage("from rest to rest"):
             planned = self.planner.plan(still, self.budget.share(_DETOUR), stages_of(self.progress))
+        self.info["cut_short"] |= bool(planned.info.get("cut_short", False))
         if planned.trajectory is None:
             return planned.failure
         run_up = _run_up_from(planned.trajectory.end, run_ups, problem.robot)
