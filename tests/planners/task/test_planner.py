@@ -225,6 +225,18 @@ def test_a_move_that_was_hurried_makes_a_task_that_was(run, monkeypatch):
     assert found.info["cut_short"]
 
 
+def test_a_line_is_as_slow_as_the_constraint_of_another_frame_asks_and_other_steps_are_not():
+    """The whole task was made so slow, since only limits on the frame that follows the line were planned for."""
+    slow = {"frame": "panda_hand", "linear": 0.1}
+    task = op.Task().line(by=(0, 0, -0.1), path_constraints=[{"tool_speed": slow}]).move("extended")
+    found = op.plan(op.Problem("panda", "ready", task=task).with_parts(clearance=0), budget=60.0)
+    assert found.verified, found.why_not
+    assert "slowed" not in found.info
+    line, move = found.trajectory.segments
+    assert 1.0 < line.end < 1.3
+    assert move.end - move.begin < 1.5
+
+
 @pytest.mark.parametrize("obstacles_move", [False, True])
 def test_steps_that_no_time_was_left_to_join_make_a_task_that_was_cut_short(run, monkeypatch, obstacles_move):
     ball = op.Sphere("ball", 0.05, position=(-1.0, 0.0, 0.5))
