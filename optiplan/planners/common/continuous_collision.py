@@ -15,6 +15,7 @@ from optiplan.collision.contacts import Contact
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.geometry.coal_queries import DISTANCE_ERROR
+from optiplan.libraries import clock
 from optiplan.planners.common.failures import contact_witness
 from optiplan.trajectory.joining import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
@@ -28,6 +29,7 @@ _FIRST_STEP = 0.1  # rad or m, summed over joints: length of the initial interva
 _RESOLUTION = 1e-6  # s: smaller intervals are not subdivided
 _CHUNK = 256  # intervals proved together: bounds the memory
 _LOOK = 24  # intervals checked together: few, so that the first contact is found soon
+_POLLED = 0.01  # s: where intervals take longer, fewer are done before `stop` is asked again
 
 
 class Touch(NamedTuple):
@@ -100,21 +102,24 @@ def _contacts(model: CollisionModel, trajectory: Trajectory, stop: Callable[[], 
 def _natively(
     model: CollisionModel, world: "World", trajectory: Trajectory, stop: Callable[[], bool]
 ) -> Iterator[Touch]:
-    """Do the same in the native core; `stop` is polled every few intervals."""
+    """Do the same in the native core; `stop` is polled every few intervals, which changes no answer."""
     rules = np.array([_FIRST_STEP, _MARGIN, _RESOLUTION, _MOST_CUTS])
     edges, coefficients = trajectory.breakpoints, np.ascontiguousarray(trajectory.coefficients)
     sweep = core.Sweep(world, np.ascontiguousarray(edges), coefficients, rules)
     count, seen = sweep.intervals, False
-    for look, step in ((sweep.look, _LOOK), (sweep.prove, _CHUNK)):
-        for begin in range(0, count, step):
+    for look, most in ((sweep.look, _LOOK), (sweep.prove, _CHUNK)):
+        begin, step = 0, 1
+        while begin < count:
             if stop():
                 yield from _touches(model, trajectory, float(edges[0]), None, stopped=True)
                 return
-            for found in look(begin, min(begin + step, count)):
+            began, end = clock(), min(begin + step, count)
+            for found in look(begin, end):
                 t, pair = found if isinstance(found, tuple) else (found, None)
                 for touch in _touches(model, trajectory, t, pair):
                     seen = True
                     yield touch
+            begin, step = end, min(2 * step, most) if clock() - began < _POLLED else 1
         if seen:
             return
 

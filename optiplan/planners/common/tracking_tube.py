@@ -23,20 +23,21 @@ _LEFT = 0.2
 def planned_in_tube(problem: Problem) -> Problem:
     """Return the problem that a planner is given: its motions keep the limits and constraints of `problem` in the tube.
 
-    Position limits are narrower by the error; tolerances of path constraints by what it can do to a frame anywhere. The
-    clearance is that of the planners' collision models, which know the error. The verifier has `problem` itself.
+    Position limits are narrower by the error; tolerances of path constraints by what it can do to a frame anywhere:
+    those of a task's steps where the planner knows what the robot holds by then. The clearance is that of the planners'
+    collision models, which know the error. The verifier has `problem` itself.
     """
     if not problem.tracking_error.any():
         return problem
     ends = [one.q for one in (*problem.goal, *(via.at for via in problem.vias)) if isinstance(one, JointGoal)]
     narrower = narrower_limits(problem.limits, problem.tracking_error, np.array([problem.start, *ends]))
-    steps = [replace(step, constraints=_narrower(problem, step.constraints)) for step in problem.task]
-    constraints = _narrower(problem, problem.path_constraints)
-    return derived(problem, limits=narrower, task=tuple(steps), path_constraints=constraints)
+    return derived(problem, limits=narrower, path_constraints=constraints_in_tube(problem))
 
 
-def _narrower(problem: Problem, constraints: "tuple[PathConstraint, ...]") -> "tuple[PathConstraint, ...]":
-    return tuple(_narrowed(problem, one) for one in constraints)
+def constraints_in_tube(problem: Problem) -> "tuple[PathConstraint, ...]":
+    """Return the constraints of a problem, with tolerances that are narrower by its tracking error."""
+    stated = problem.path_constraints
+    return tuple(_narrowed(problem, one) for one in stated) if problem.tracking_error.any() else stated
 
 
 def _narrowed(problem: Problem, one: "PathConstraint") -> "PathConstraint":

@@ -114,20 +114,30 @@ class PathConstraints:
             return True
         from optiplan.problem.constraints.measures import ROUNDING
 
-        return all(found.by <= ROUNDING for found in self._at_the_end(q))
+        return all(found.by <= ROUNDING for found in self._at_rest(q))
+
+    def broken_at_rest(self, q: Array) -> WorstViolation | None:
+        """Return the largest violation by a robot that rests on its way at q (n,), of what holds all the time."""
+        if not self.all:
+            return None
+        from optiplan.problem.constraints.measures import ROUNDING
+
+        broken = [found for found in self._at_rest(q, since=0.0) if not found.by <= ROUNDING]
+        return max(broken, key=lambda found: found.by, default=None)
 
     def no_end(self, goals: Sequence[Array]) -> Failure:
         """Return the failure of goal configurations (n,) that all violate a constraint: the least violation."""
-        worst = [max(self._at_the_end(q), key=lambda found: found.by) for q in goals]
+        worst = [max(self._at_rest(q), key=lambda found: found.by) for q in goals]
         nearest = int(np.argmin([found.by for found in worst]))
         words, name = worst[nearest].words, worst[nearest].name
         detail = f"no goal configuration found holds the path constraints; the nearest is {words} ({name})"
         return Failure("constraint", detail, {"constraint": name, "q": goals[nearest].tolist()})
 
-    def _at_the_end(self, q: Array) -> list["WorstViolation"]:
-        """Return the violation of each constraint at the end of a motion, by a configuration (n,)."""
+    def _at_rest(self, q: Array, since: float = 1.0) -> list[WorstViolation]:
+        """Return the violation, at rest at q (n,), of each constraint that holds from this fraction on to the end."""
+        held = (kept for kept in self.all if kept.one.during[0] <= since and kept.one.during[1] == 1.0)
         still = np.zeros((1, len(q)))
-        return [kept.worst([q[None], still, still]) for kept in self.all if kept.one.during[1] == 1.0]
+        return [kept.worst([q[None], still, still]) for kept in held]
 
     def slowed(self, trajectory: Trajectory) -> Trajectory:
         """Return the motion, slowed down as far as constraints of speed and acceleration require."""

@@ -27,3 +27,10 @@ def tool_limits(
             linear, angular = min(linear, one.linear), min(angular, one.angular)
     limited = np.isfinite(min(linear, angular, linear_acceleration))
     return ToolLimits(frame, linear, angular, linear_acceleration) if limited else None
+
+
+def all_tool_limits(problem: Problem, frame: str, linear: float) -> tuple[ToolLimits, ...]:
+    """Return the limits of all frames whose speed is limited: of this one, m/s, and where constraints say so."""
+    others = [one.frame for one in problem.path_constraints if isinstance(one, ToolSpeed) and one.frame != frame]
+    found = [tool_limits(problem, frame, linear), *(tool_limits(problem, other) for other in dict.fromkeys(others))]
+    return tuple(one for one in found if one is not None)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from optiplan.planners.path_constraints.tool_limits import tool_limits
+from optiplan.planners.path_constraints.tool_limits import all_tool_limits
 from optiplan.planners.task.blends import Corner
 from optiplan.planners.task.stages import Stage, WorldState
 from optiplan.problem.problem import Problem
@@ -51,10 +51,12 @@ class PlannedMotion(PlannedStep):
         return isinstance(self.step.action, StraightLine)
 
     @cached_property
-    def tool_limits(self) -> ToolLimits | None:
-        """Limits of the tool along a line: its own speed, and constraints of speed on the same frame."""
+    def tool_limits(self) -> tuple[ToolLimits, ...]:
+        """Limits of frames along a line: its own speed, and constraints of speed; none of a move."""
         action = self.step.action
-        return tool_limits(self.stage.problem, action.frame, action.speed) if isinstance(action, StraightLine) else None
+        if not isinstance(action, StraightLine):
+            return ()
+        return all_tool_limits(self.stage.problem, action.frame, action.speed)
 
 
 @dataclass(frozen=True, eq=False)

@@ -82,17 +82,19 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
     if waits:
         with watch.stage("waiting"):
             found = _wait_for_obstacles(moves, planner, parts, incumbent, budget, progress)
-        info |= {"cut_short": info["cut_short"] or budget.over}
-        return replace(found, timings=watch.seconds, info={**info, **found.info})
+        cut_short = info["cut_short"] or found.info["cut_short"]
+        return replace(found, timings=watch.seconds, info={**info, **found.info, "cut_short": cut_short})
     info["duration_with_stops"] = offer(parts, in_a_row=True)
     with watch.stage("flow"):
-        groups = join_steps(parts, budget.share(_JOINING), progress, thorough=not _timed_only(problem))
+        joining = budget.share(_JOINING)
+        groups = join_steps(parts, joining, progress, thorough=not _timed_only(problem))
+        info["cut_short"] |= joining.over
     info["duration_joined"] = offer(_flat(groups))
     with watch.stage("optimisation"):
         time = budget.share(1.0 - _BESIDE) if beside else budget
         for whole in _optimised(problem, planner, groups, time, progress):
             offer(whole)
-    info |= {"cut_short": info["cut_short"] or budget.over}
+    info["cut_short"] |= time.over
     info |= {} if beside else {"stops": stops_of(whole)}
     info["stops_left_out"] = len(parts) - len(whole)
     return incumbent.result(info)
@@ -176,8 +178,11 @@ def _wait_for_obstacles(
 
     failure = offer(parts, budget.share(_DELAYING))
     time = budget.leaving(clock() - began)  # what is joined takes as long to delay
-    groups = join_steps(parts, time.share(_JOINING), progress, thorough=not _timed_only(problem))
+    joining = time.share(_JOINING)
+    groups = join_steps(parts, joining, progress, thorough=not _timed_only(problem))
+    info["cut_short"] = joining.over
     *_, together = _optimised(problem, planner, groups, time, progress)
     late = offer(together, budget)
+    info["cut_short"] |= time.over
     failure = late if failure is not None and failure.kind == "budget" else failure
     return incumbent.result(info, moves.failure(failure))

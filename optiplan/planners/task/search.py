@@ -116,6 +116,7 @@ class TaskSearch:
         infos: of the moves of the motion found.
         attempts: moves planned.
         cut_short: whether more time would have allowed more candidates.
+        hurried: whether the time for a move ended some of its planning.
     """
 
     def __init__(self, problem: Problem, planner: Planner[Any], budget: Budget, progress: Progress) -> None:
@@ -124,7 +125,7 @@ class TaskSearch:
         self.opening, self.legs = legs_of(problem.task)
         self.infos: list[dict[str, Any]] = []
         self.attempts = 0
-        self._paced, self.cut_short = True, False
+        self._paced, self.cut_short, self.hurried = True, False, False
 
     def run(self) -> list[PlannedStep] | Failure:
         """Search within the budget; where the candidates found in time lead nowhere, once more among all."""
@@ -319,6 +320,7 @@ class TaskSearch:
         for parts in (count - k + 1, 1):  # where its own part is not enough, most of the rest
             share = self._pace(parts)
             result = plan_through(self.planner, problem, share, progress)
+            self.hurried |= bool(result.info.get("cut_short", False))
             if result.trajectory is not None or not share.over or self.budget.over:
                 break
         if result.trajectory is None:

@@ -91,7 +91,7 @@ class SectionPlanner:
             planned = search.run()
         self.moves += search.infos
         self.info["attempts"] += search.attempts
-        self.info["cut_short"] |= search.cut_short
+        self.info["cut_short"] |= search.cut_short or search.hurried
         if isinstance(planned, Failure):
             return planned
         parts: list[TaskPart] = []
@@ -187,7 +187,8 @@ def timed_step(planned: PlannedStep, budget: Budget) -> TaskPart | Failure:
     if not planned.is_line:
         return Stretch.of(planned, planned.curve)
     problem, path = planned.stage.problem, planned.curve
-    options = TimingOptions(None, planned.tool_limits, stop=lambda: budget.over)
+    own, others = next(iter(planned.tool_limits), None), planned.tool_limits[1:]
+    options = TimingOptions(None, own, tuple((0.0, 1.0, one) for one in others), stop=lambda: budget.over)
     motion = time_path(path, problem.robot, problem.limits, options)
     if motion is None:
         heavy = path_too_heavy(problem.robot, problem.limits, path)

@@ -39,8 +39,8 @@ class SmoothRun:
     def slow_parts(self) -> Iterator[tuple[float, float, ToolLimits]]:
         """Yield the parts of a path on which the speed of the tool is limited, as shares of its parameter."""
         for step, (begin, end) in zip(self.steps, pairwise(self.edges), strict=True):
-            if step.tool_limits is not None:
-                yield begin, end, step.tool_limits
+            for limits in step.tool_limits:
+                yield begin, end, limits
 
 
 def smooth_runs(steps: Sequence[PlannedMotion]) -> list[SmoothRun]:

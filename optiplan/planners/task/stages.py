@@ -10,6 +10,8 @@ from optiplan.collision.native_model import NativeCollisionModel, planning_model
 from optiplan.geometry.scene import Scene
 from optiplan.planners.base import Failure
 from optiplan.planners.common.safety_ends import ending_at
+from optiplan.planners.common.tracking_tube import constraints_in_tube
+from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.problem import Goal, Problem, Via, derived
 from optiplan.problem.task.scene_change import carrying, columns, scene_during, standing
 from optiplan.problem.task.steps import TaskStep
@@ -109,8 +111,15 @@ class Stages:
             tracking_error=self.problem.tracking_error[own],
             vias=(),
             task=(),
-            path_constraints=(*self.problem.path_constraints, *step.constraints),
+            path_constraints=(*self.problem.path_constraints, *self._constraints(step, scene)),
         )
         stage = Stage(problem, planning_model(robot, scene, error=problem.tracking_error), own)
         self._known = [*self._known[-30:], (key, others, state.scene, stage)]
         return stage.ending()
+
+    def _constraints(self, step: TaskStep, scene: Scene) -> tuple[PathConstraint, ...]:
+        """Return a step's own, as planners are given them; what is held may be a frame of theirs."""
+        if not step.constraints or not self.problem.tracking_error.any():
+            return step.constraints
+        loaded = carrying(self.problem.robot, scene)
+        return constraints_in_tube(derived(self.problem, robot=loaded, scene=scene, path_constraints=step.constraints))

@@ -35,6 +35,8 @@ _DIRECT, _DETOUR = 1.0 / 3.0, 0.7
 _SAME = 1e-6
 """rad or m: configurations nearer than this are one."""
 
+_NO_STOP = "no curve was found, and stopping at once is no way out"
+
 
 def plan_nonzero_ends(
     planner: Planner[TrajOptOptions], problem: Problem, budget: Budget, progress: Progress
@@ -124,9 +126,13 @@ class _NonzeroEndRun:
         try:
             stop = fastest_stop(problem.start_state, limits, names)
         except NoProfile as error:
-            return Failure("limits", f"no curve was found, and stopping at once is no way out: {error}")
+            return Failure("limits", f"{_NO_STOP}: {error}")
         if stop is not None and (why := self._good(stop)) is not None:
-            return replace(why, detail=f"no curve was found, and stopping at once is no way out: {why.detail}")
+            return replace(why, detail=f"{_NO_STOP}: {why.detail}")
+        if stop is not None and (beyond := self.optimiser.constraints.broken_at_rest(stop.end)) is not None:
+            detail = f"{_NO_STOP}: at rest after {stop.duration:.3f} s it is {beyond.words} ({beyond.name})"
+            witness = {"constraint": beyond.name, "t": stop.duration, "q": stop.end.tolist()}
+            return Failure("constraint", detail, witness)
         run_ups: list[tuple[Array, Trajectory | None]] = []
         goals: list[GoalEnd] = []
         refused: Failure | None = None
@@ -146,6 +152,7 @@ class _NonzeroEndRun:
         still = derived(problem, goal=tuple(goals)).with_start(problem.start if stop is None else stop.end)
         with self.watch.stage("from rest to rest"):
             planned = self.planner.plan(still, self.budget.share(_DETOUR), stages_of(self.progress))
+        self.info["cut_short"] |= bool(planned.info.get("cut_short", False))
         if planned.trajectory is None:
             return planned.failure
         run_up = _run_up_from(planned.trajectory.end, run_ups, problem.robot)

@@ -26,8 +26,10 @@ from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.time_scaling import speed_ratio
 from optiplan.trajectory.trajectory import Trajectory
 
-_STATIC, _DELAYS = 0.3, 0.3
-"""Share of the budget for the motion among static obstacles, and of the rest for waiting and slowing down."""
+_STATIC, _AGAIN, _DELAYS = 0.3, 0.8, 0.3
+"""Share of the budget for the motion among static obstacles; of the rest for the same, where none was found by then;
+and of what is left for waiting and slowing down.
+"""
 
 _BUMPS = 6
 """Number of further curves, from the best with a bump."""
@@ -61,12 +63,16 @@ def optimise_in_time(
     The guesses of these curves: the motion among static obstacles, the one that waits, and the best with a bump.
     """
     began, incumbent = clock(), Incumbent(problem, progress)
-    static = planner.plan(without_dynamic_obstacles(problem), budget.share(_STATIC), stages_of(progress))
+    still, stages, part = without_dynamic_obstacles(problem), stages_of(progress), budget.share(_STATIC)
+    static = planner.plan(still, part, stages)
+    if static.trajectory is None and part.over and not budget.over:
+        static = planner.plan(still, budget.share(_AGAIN), stages)
     if static.trajectory is None:
         return static
     model = kept_planning_model(problem.robot, problem.scene, problem.tracking_error)
     waiting = delayed(problem, [static.trajectory], model, budget.share(_DELAYS))
-    info: dict[str, Any] = {"attempts": [*static.info.get("attempts", ())], "cut_short": False}
+    cut_short = bool(static.info.get("cut_short", False))
+    info: dict[str, Any] = {"attempts": [*static.info.get("attempts", ())], "cut_short": cut_short}
     if not isinstance(waiting, Failure):
         incumbent.offer(waiting.motion)
         info |= {"waited": waiting.wait, "slower": waiting.slower}

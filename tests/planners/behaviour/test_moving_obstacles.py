@@ -1,13 +1,14 @@
 """Planning among obstacles that move: any planner waits or goes slower, `trajopt` goes round in time."""
 
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import optiplan as op
 from optiplan.collision.native_model import planning_model
-from optiplan.planners.base import Budget, PlanResult
+from optiplan.planners.base import Budget, Failure, PlanResult
 from optiplan.planners.common.dynamic_obstacles import wait_for_obstacles
 from optiplan.planners.registry import make_planner
 from optiplan.planners.trajopt import optimise_in_time
@@ -41,6 +42,27 @@ def test_trajopt_goes_round_in_time():
     assert found.verified
     assert found.duration < 1.1 * T
     assert any(attempt["seed"] == "in time" for attempt in found.info["attempts"])
+
+
+def test_a_way_that_takes_longer_than_its_share_has_the_rest_too():
+    """Trajopt gave up after three tenths of the budget, also where a minute was left."""
+    planner, budget, parts = make_planner("trajopt"), Budget(9.0), []
+
+    class Slow:
+        options = planner.options
+
+        def plan(self, problem, part, progress):
+            parts.append(part.seconds)
+            if len(parts) > 1:
+                return replace(planner.plan(problem, part, progress), info={"cut_short": True})
+            part.leave(budget.seconds)  # its time is over
+            return PlanResult(None, Failure("no-path", "not yet"))
+
+    found = optimise_in_time.optimise_in_time(Slow(), HIT, budget, lambda stage, fraction: None)
+    assert found.trajectory is not None
+    assert found.info["cut_short"]
+    assert len(parts) == 2
+    assert parts[1] > 1.5 * parts[0]
 
 
 def test_the_wait_may_be_longer_than_that_for_what_never_stands_still():

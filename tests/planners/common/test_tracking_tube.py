@@ -8,6 +8,8 @@ from optiplan.collision.kept_models import kept_planning_model
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import planning_model
 from optiplan.planners.common.tracking_tube import planned_in_tube
+from optiplan.planners.task.stages import Stages, WorldState
+from optiplan.problem.task.scene_change import scene_after
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +39,24 @@ def test_tolerances_that_the_tube_takes_are_not_taken_whole(problem):
 
     (found,) = planned_in_tube(derived(wide, path_constraints=(cone,))).path_constraints
     assert found.within == pytest.approx(0.01)
+
+
+def test_constraints_of_what_a_step_holds_are_narrower_by_then():
+    """The cube is a frame of the robot only while it is held; a tracking error ended in `unknown frame 'cube'`."""
+    cube = op.Box("cube", size=(0.04, 0.04, 0.04), position=(0.5, 0.2, 0.3))
+    upright = op.OrientationCone("cube", (0, 0, 1), (0, 0, 1), 0.3)
+    apart = op.PairClearance((("cube", "panda_link0"),), 0.01)
+    pose = op.Pose((0.5, 0.2, 0.3), rpy_deg=(180, 0, 0))
+    task = op.Task().move(pose).attach("cube", "panda_hand", touch=("panda_leftfinger", "panda_rightfinger"))
+    task = task.move(op.Pose((0.5, -0.2, 0.4), rpy_deg=(180, 0, 0)), path_constraints=[upright, apart])
+    stated = op.Problem("panda", "ready", task=task, scene=[cube], tracking_error=0.001)
+    run = op.plan(stated, budget=10.0)
+    assert run.verified, run.why_not
+    asked, at = planned_in_tube(stated), run.trajectory(run.trajectory.segments[1].end)
+    held = WorldState(at, scene_after(stated.scene, stated.task[1].action, stated.robot, at))
+    cone, farther = Stages(asked).at(held, asked.task[2], asked.task[2].action.joints).problem.path_constraints
+    assert cone.within == pytest.approx(0.3 - 0.007)
+    assert farther.at_least > 0.012
 
 
 @pytest.mark.parametrize(("name", "error"), [("02_shelf", 0.01), ("18_baxter_dual", 0.003), ("16_delbot", 0.01)])

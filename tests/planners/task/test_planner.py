@@ -11,7 +11,7 @@ import pytest
 
 import optiplan as op
 from optiplan.planners.base import Budget
-from optiplan.planners.task import search
+from optiplan.planners.task import planner, search
 from optiplan.planners.task.chains import do_chain
 from optiplan.planners.task.sections import timed_step
 from optiplan.planners.task.stages import Stages, WorldState
@@ -208,6 +208,42 @@ def _hurried(monkeypatch, wanted):
 def test_a_hurried_search_goes_on_with_what_it_has(run, monkeypatch):
     _hurried(monkeypatch, lambda found: found == 1)  # else without a motion
     found = op.plan(run.problem, "rrtconnect", budget=60.0)
+    assert found.verified
+    assert found.info["cut_short"]
+
+
+def test_a_move_that_was_hurried_makes_a_task_that_was(run, monkeypatch):
+    """`cut_short` was false, and another run of the same seed found another motion."""
+
+    def hurried(*arguments, through=search.plan_through):
+        result = through(*arguments)
+        return replace(result, info={**result.info, "cut_short": True})
+
+    monkeypatch.setattr(search, "plan_through", hurried)
+    found = op.plan(run.problem, "rrtconnect", budget=60.0)
+    assert found.verified
+    assert found.info["cut_short"]
+
+
+def test_a_line_is_as_slow_as_the_constraint_of_another_frame_asks_and_other_steps_are_not():
+    """The whole task was made so slow, since only limits on the frame that follows the line were planned for."""
+    slow = {"frame": "panda_hand", "linear": 0.1}
+    task = op.Task().line(by=(0, 0, -0.1), path_constraints=[{"tool_speed": slow}]).move("extended")
+    found = op.plan(op.Problem("panda", "ready", task=task).with_parts(clearance=0), budget=60.0)
+    assert found.verified, found.why_not
+    assert "slowed" not in found.info
+    line, move = found.trajectory.segments
+    assert 1.0 < line.end < 1.3
+    assert move.end - move.begin < 1.5
+
+
+@pytest.mark.parametrize("obstacles_move", [False, True])
+def test_steps_that_no_time_was_left_to_join_make_a_task_that_was_cut_short(run, monkeypatch, obstacles_move):
+    ball = op.Sphere("ball", 0.05, position=(-1.0, 0.0, 0.5))
+    moving = derived(run.problem, scene=run.problem.scene.with_(ball.moving([[0, 0.1], [0], [0]], until=0.5)))
+    problem = moving if obstacles_move else run.problem
+    monkeypatch.setattr(planner, "_JOINING", 0.0)
+    found = op.plan(problem, "rrtconnect", budget=60.0)
     assert found.verified
     assert found.info["cut_short"]
 

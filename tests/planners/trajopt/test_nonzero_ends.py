@@ -186,3 +186,16 @@ def test_a_detour_that_breaks_a_constraint_is_a_failure_that_names_it(monkeypatc
     monkeypatch.setattr(_NonzeroEndRun, "_bumps", lambda run: setattr(run, "budget", Budget(0.0)))
     failure = plan_nonzero_ends(planner, problem, Budget(5.0), lambda stage, fraction: None).failure
     assert failure.kind == "budget"
+
+
+def test_a_stop_that_leaves_a_path_constraint_is_named_with_its_own_time():
+    """The robot cannot brake in time; the message said `at t = 0.000 s`, where the constraint still held."""
+    start = op.State([0.3, 0.4], [0.8, 0.0])
+    stated = op.Problem("planar2r", start, [-0.5, 0.4])
+    below = op.JointCoupling({stated.robot.joint_names[0]: 1.0}, equals=-0.2, within=0.505)
+    found = op.plan(stated.with_constraints(below), budget=3.0)
+    assert found.failure.kind == "constraint"
+    assert "stopping at once is no way out: at rest after" in found.failure.detail
+    assert found.failure.witness["constraint"] == "coupling"
+    assert found.failure.witness["q"][0] > 0.305 > start.q[0]
+    assert found.failure.witness["t"] > 0.01

@@ -141,8 +141,8 @@ class StretchOptimiser:
         steps = tuple(one for run in self.runs for one in run.steps)
         slower = 0.0
         for one, begin, end in zip(steps, (0.0, *ends), ends, strict=False):
-            if one.is_line:
-                slower = max(slower, tool_scale(robot, one.tool_limits, cut_trajectory(whole, begin, end)))
+            for tool in one.tool_limits:
+                slower = max(slower, tool_scale(robot, tool, cut_trajectory(whole, begin, end)))
         low, high = whole.extrema(0)
         beyond = np.maximum(limits.lower - low, high - limits.upper)
         if (beyond > POSITION_LIMIT_ROUNDING).any():
