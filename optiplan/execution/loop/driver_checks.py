@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.arrays import Array, is_finite
+from optiplan.arrays import Array, Flags, is_finite
 from optiplan.errors import OptiPlanError, described, named_reason, wrong_argument
 from optiplan.execution.arguments import LONGEST_TICK, numbers
 from optiplan.execution.drivers.base import Capabilities, Driver, DriverError
@@ -80,13 +80,13 @@ def measured_by(driver: Driver) -> Measurement | None:
     return found
 
 
-def whole_turns(measured: Array, wanted: Array, endless: Array) -> Array:
+def whole_turns(measured: Array, wanted: Array, endless: Flags) -> Array:
     """Return by which whole turns (n,), rad, endless joints are measured farther than they are wanted."""
     off = np.nan_to_num((measured - wanted) / (2.0 * np.pi), posinf=0.0, neginf=0.0)
     return np.where(endless, 2.0 * np.pi * np.round(off), 0.0)
 
 
-def astray(found: Measurement, wanted: Array, endless: Array, names: Sequence[str], near: Array | float = NEAR) -> str:
+def astray(found: Measurement, wanted: Array, endless: Flags, names: Sequence[str], near: Array | float = NEAR) -> str:
     """Return which joint is measured farther than `near` from where it is wanted (n,), or nothing."""
     q = numbers(found.q)
     if q.shape != wanted.shape:
