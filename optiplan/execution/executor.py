@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
-from optiplan.arrays import number_argument
+from optiplan.arrays import Array, number_argument
 from optiplan.errors import described, wrong_argument
 from optiplan.execution import arguments
 from optiplan.execution.due_events import DueEvents
@@ -125,6 +125,11 @@ class Executor(LawFollower):
     def run(self) -> Run:
         """The run that is being executed."""
         return self._path.run
+
+    @property
+    def allowed(self) -> Array:
+        """(n,) rad or m: how far each measured joint may be from the path; inf: anything."""
+        return self._tracking.allowed
 
     @property
     def override(self) -> float:

@@ -102,6 +102,11 @@ class TrackingMonitor:
         self._before: tuple[float, Array] | None = None  # a state and when it was measured
         self.take_over(path)
 
+    @property
+    def allowed(self) -> Array:
+        """(n,) rad or m: how far each joint may be from the path; inf: anything."""
+        return self._proved[-1][0]
+
     def prepare(self, path: ProvedPath) -> None:
         """Compute what is needed of a path that will take over, which may take a while."""
         if self._policy.least_clearance is not None:

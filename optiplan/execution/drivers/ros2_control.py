@@ -3,6 +3,7 @@
 Not tried on hardware. See `Ros2ControlDriver`.
 """
 
+import logging
 import threading
 import time
 from collections.abc import Mapping
@@ -31,6 +32,9 @@ GAP = 0.02
 
 CONNECTED_IN = 10.0
 """s."""
+
+DRIFT = 1e-3
+"""Share by which the distance of the robot's clock from ours may change, so that no goal shifts the motion."""
 
 COMES_TO_REST_IN = 5.0
 """s that `stop` waits for the robot at most."""
@@ -81,6 +85,7 @@ class Ros2ControlDriver:
         self._latest: tuple[float, Measurement] | None = None  # when it came
         self._robot, self._pace = ClockOffset(), ClockOffset()
         self._offset = 0.0  # from the robot's clock to time.monotonic
+        self._begun = False  # whether a goal was sent
         self._goal: str | None = None
         self._rests_at, self._still = 0.0, np.empty(0)
         self._closed = False
@@ -91,10 +96,17 @@ class Ros2ControlDriver:
         roslibpy = self._ros_module
         try:
             self._ros = roslibpy.Ros(host, port, transport="asyncio")
-            self._ros.run(CONNECTED_IN)
         except Exception as error:
             raise DriverError(f"no rosbridge server at {host}:{port}: {error}") from None
-        self._ros.on("close", lambda *_: self._fail("the connection to the rosbridge server is lost"))
+        try:
+            self._ros.run(CONNECTED_IN)
+        except BaseException as error:  # Ctrl-C, too: the client would go on trying for ever
+            self._ros.factory.maxRetries = 0
+            self._ros.factory.on_ready(lambda connection: connection.send_close())  # a try may be under way
+            if not isinstance(error, Exception):
+                raise
+            raise DriverError(f"no rosbridge server at {host}:{port}: {error}") from None
+        self._ros.on("close", self._lose)
         name, kind = f"/{controller.strip('/')}/follow_joint_trajectory", "control_msgs/action/FollowJointTrajectory"
         self._action = roslibpy.ActionClient(self._ros, name, kind)
         self._topics = [
@@ -131,6 +143,7 @@ class Ros2ControlDriver:
             return  # it stands there already
         self._still = tick.ahead.q[-1]
         self._rests_at = begin + DELAY + tick.ahead.t[-1]
+        self._begun = True
         goal = self._trajectory(tick.ahead, tick.t, begin + DELAY + tick.t - self._offset)
         self._send_goal(goal)
 
@@ -157,8 +170,8 @@ class Ros2ControlDriver:
             status = result["status"]
             newest = not sent or sent[0] == self._goal
             if newest and getattr(status, "value", status) != SUCCEEDED:
-                values = result.get("values") or {}
-                inner = values.get("result", values) if isinstance(values, Mapping) else {}
+                values = result.get("values") or "no reason given"
+                inner = values.get("result", values) if isinstance(values, Mapping) else {"error_string": values}
                 why = inner.get("error_string") or inner.get("error_code", "no reason given")
                 self._fail(f"the controller ended a goal with status {getattr(status, 'name', status)}: {why}")
 
@@ -177,6 +190,10 @@ class Ros2ControlDriver:
             topic.unsubscribe()
         self._ros.close()
 
+    def _lose(self, *_: object) -> None:
+        self._fail("the connection to the rosbridge server is lost")
+        self._ros.factory.maxRetries = 0  # a client that connects again would send old goals
+
     def _take_state(self, message: Mapping[str, Any]) -> None:
         now = time.monotonic()
         try:
@@ -188,15 +205,25 @@ class Ros2ControlDriver:
             speeds = message.get("velocity") or []
             v = np.array([speeds[place[name]] for name in self._names], dtype=float) if speeds else np.zeros(len(q))
             stamp = float(message["header"]["stamp"]["sec"]) + 1e-9 * float(message["header"]["stamp"]["nanosec"])
-        except (KeyError, IndexError, TypeError, ValueError) as error:
+            if not is_finite(stamp):
+                raise ValueError(f"a stamp of {stamp} s")
+        except (LookupError, TypeError, ValueError, OverflowError) as error:
             self._fail(f"a joint state that cannot be read: {type(error).__name__} {error}")
             return
+        seen = self._latest
+        ahead = self._offset - (now - stamp)  # negative: a delay
+        if seen is not None and self._begun and (stamp < seen[1].stamp or ahead > DELAY):
+            jump = f"from {seen[1].stamp:.3f} to {stamp:.3f} s within {now - seen[0]:.3f} s"
+            self._fail(f"the stamps of joint states leapt {jump}: the robot's clock is not known any more")
+            return
         with self._lock:
-            self._offset = self._robot.take(now, stamp)
+            least = self._robot.take(now, stamp)
+            most = DRIFT * (now - seen[0]) if seen is not None and self._begun else np.inf
+            self._offset += min(max(least - self._offset, -most), most)
             self._latest = now, Measurement(q, v, stamp)
 
     def _take_scaling(self, message: Mapping[str, Any]) -> None:
-        value = message.get("data")
+        value = message.get("data") if isinstance(message, Mapping) else None
         if not is_finite(value) or abs(value - self._full) > FULL * self._full:
             share = f"{value / self._full:.0%}" if is_finite(value) else described(value)
             self._fail(f"the robot scales its speed to {share}; expected full speed there, and `override` here")
@@ -213,6 +240,7 @@ class Ros2ControlDriver:
 def _client() -> Any:
     if find_spec("roslibpy") is None:
         raise OptiPlanError("the driver 'ros2_control' needs the package roslibpy: pip install 'optiplan[ros]'")
+    logging.getLogger("roslibpy").addHandler(logging.NullHandler())  # else it writes tracebacks where nobody logs
     return import_module("roslibpy")
 
 

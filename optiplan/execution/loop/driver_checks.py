@@ -1,11 +1,14 @@
 """What a driver says of itself and of its robot, checked: it may be anybody's."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from optiplan.arrays import is_finite
+import numpy as np
+
+from optiplan.arrays import Array, Flags, is_finite
 from optiplan.errors import OptiPlanError, described, named_reason, wrong_argument
-from optiplan.execution.arguments import LONGEST_TICK
+from optiplan.execution.arguments import LONGEST_TICK, numbers
 from optiplan.execution.drivers.base import Capabilities, Driver, DriverError
 from optiplan.execution.measurement import Measurement
 
@@ -14,6 +17,9 @@ MOST_RATE = 2000.0
 
 IN_A_LEAD = 3.0
 """Set-points in a driver's lead at least: one that is renewed is there before the last one ends, also a tick late."""
+
+NEAR = 0.02
+"""rad or m: so far may a measured joint be from where the motion begins, and from where it ends."""
 
 CALLS = ("capabilities", "state", "send", "stop")
 """Of every driver."""
@@ -72,3 +78,21 @@ def measured_by(driver: Driver) -> Measurement | None:
     if found is not None and not isinstance(found, Measurement):
         raise DriverError(f"state() returned {described(found)}; expected an op.Measurement, or None")
     return found
+
+
+def whole_turns(measured: Array, wanted: Array, endless: Flags) -> Array:
+    """Return by which whole turns (n,), rad, endless joints are measured farther than they are wanted."""
+    off = np.nan_to_num((measured - wanted) / (2.0 * np.pi), posinf=0.0, neginf=0.0)
+    return np.where(endless, 2.0 * np.pi * np.round(off), 0.0)
+
+
+def astray(found: Measurement, wanted: Array, endless: Flags, names: Sequence[str], near: Array | float = NEAR) -> str:
+    """Return which joint is measured farther than `near` from where it is wanted (n,), or nothing."""
+    q = numbers(found.q)
+    if q.shape != wanted.shape:
+        return f"the driver's state has {q.size} joints; expected {len(wanted)}"
+    q = q - whole_turns(q, wanted, endless)
+    beyond = np.nan_to_num(np.abs(q - wanted) - near, nan=np.inf)
+    if beyond[worst := int(beyond.argmax())] <= 0.0:
+        return ""
+    return f"{names[worst]} is at {q[worst]:.4f}, where {wanted[worst]:.4f} is expected"

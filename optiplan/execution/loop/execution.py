@@ -20,7 +20,7 @@ from optiplan.errors import described, whole_argument, wrong_argument
 from optiplan.execution.arguments import LONGEST_TICK, numbers
 from optiplan.execution.drivers.base import Driver, DriverError
 from optiplan.execution.executor import Executor
-from optiplan.execution.loop.driver_checks import checked_capabilities, in_words, measured_by
+from optiplan.execution.loop.driver_checks import astray, checked_capabilities, in_words, measured_by, whole_turns
 from optiplan.execution.loop.tick_loop import KEPT_LATENESS, PATIENCE, MonotonicClock, TickClock, TickLoop
 from optiplan.execution.measurement import Measurement
 from optiplan.execution.paths.proved_path import ProvedPath, rest_rates
@@ -29,9 +29,6 @@ from optiplan.execution.scene.seen_scene import SceneUpdate
 from optiplan.geometry.pose import Values
 from optiplan.runs.run import Run
 from optiplan.trajectory.state import State
-
-AT_START = 0.02
-"""rad or m: so far may a measured joint be from where the motion begins."""
 
 REPORTS = 60.0
 """Hz: states that subscribers get at most."""
@@ -316,18 +313,14 @@ class Execution:
             raise DriverError(f"the driver '{self.capabilities.name}' has had no new state for {FIRST_STATE:g} s")
         begins = self.state_in(0.0)  # an executor may have come some way already
         q, start, names = numbers(found.q), begins.q, self.capabilities.joint_names
-        if q.shape != start.shape:
-            raise DriverError(f"the driver's state has {q.size} joints; expected {len(start)}")
-        endless, turn = self._executor.run.problem.robot.endless, 2.0 * np.pi
-        turns = np.where(endless, turn * np.round(np.nan_to_num((q - start) / turn, posinf=0.0, neginf=0.0)), 0.0)
-        off = np.nan_to_num(np.abs(q - turns - start), nan=np.inf)
-        if off[worst := int(off.argmax())] > AT_START:
-            where = f"{names[worst]} is at {q[worst] - turns[worst]:.4f}, where {start[worst]:.4f} is expected"
+        endless = self._executor.run.problem.robot.endless
+        if where := astray(found, start, endless, names):
             raise DriverError(f"the robot does not stand where the motion begins: {where}; move it there first")
         over = np.abs(begins.v) / rest_rates(self._executor.run)[0]
         if over[fastest := int(over.argmax())] > 1.0:
             speed = f"{names[fastest]} at {begins.v[fastest]:.4g} rad/s or m/s"
             raise DriverError(f"the motion begins with {speed}, and the robot stands; expected one from rest")
+        turns = whole_turns(q, start, endless)
         self._loop.turns = turns if turns.any() else None
 
     def _run(self) -> None:

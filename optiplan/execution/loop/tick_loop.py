@@ -8,11 +8,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Protocol
 
+import numpy as np
+
 from optiplan.arrays import Array
 from optiplan.execution.arguments import LONGEST_TICK
 from optiplan.execution.drivers.base import Capabilities, Driver
 from optiplan.execution.executor import Executor
-from optiplan.execution.loop.driver_checks import in_words, measured_by
+from optiplan.execution.loop.driver_checks import NEAR, astray, in_words, measured_by
 from optiplan.execution.measurement import Measurement
 from optiplan.execution.status import Ahead, Tick
 from optiplan.trajectory.segments import Segment
@@ -22,6 +24,9 @@ PATIENCE = 0.01
 
 SETTLE = 0.1
 """s: for so long the last set-point is sent again before the driver is let go."""
+
+ARRIVES_IN = 1.0
+"""s: for so long, beyond the driver's latency, the last set-point is sent again to a robot that is not at the end."""
 
 KEPT_LATENESS = 100_000
 """Ticks whose lateness is kept, the last ones."""
@@ -88,6 +93,7 @@ class TickLoop:
         self._executor, self._driver, self._commands = executor, driver, commands
         self._clock, self._period, self._lead = clock, 1.0 / capabilities.rate, capabilities.lead
         self._reads, self._latency = capabilities.measures, capabilities.latency
+        self._names = capabilities.joint_names if capabilities.measures else ()
         self._ahead: Ahead | None = None
         self._fresh: Ahead | None = None  # not sent yet
         self._still = 0.0  # s that the robot has stood at the end
@@ -125,7 +131,7 @@ class TickLoop:
                 return f"no set-point for {late:.3f} s: the robot is where its drives left it"
             self._begun = due - self._period
             refused = self._tick(self._period, left_out * self._period, late)
-        return refused
+        return refused or self._missed_end()
 
     def waited(self, since: float) -> float:
         """Return how long before the executor's time a command was given, s, that is taken now."""
@@ -196,7 +202,19 @@ class TickLoop:
         """Whether the robot stands still for good, and has done so for a while."""
         ends = self.tick is not None and self.tick.status.phase in ("done", "stopped")
         self._still = self._still + self._period if ends else 0.0
-        return self.ended or self._still > SETTLE + self._latency
+        rested = self._still - self._latency
+        return self.ended or rested > ARRIVES_IN or (rested > SETTLE and not self._missed_end())
+
+    def _missed_end(self) -> str:
+        """Return where the robot is, if the motion is done and a robot that is measured is not where it ends."""
+        if not self._names or self.tick is None or self.tick.status.phase != "done":
+            return ""
+        if self.measured is None:
+            return "the motion is done, but the driver has no state of the robot: it may be elsewhere"
+        off, endless = self._executor.allowed, self._executor.run.problem.robot.endless
+        near = np.where(np.isfinite(off), np.maximum(off, NEAR), NEAR)
+        where = astray(self.measured, self.tick.q, endless, self._names, near)
+        return where and f"the robot does not come to the end of the motion: {where}"
 
 
 def _turned(tick: Tick, turns: Array) -> Tick:

@@ -8,6 +8,7 @@ import ipaddress
 import json
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -103,7 +104,8 @@ class GuardedProtocol(H11Protocol):
         head += "Retry-After: 1\r\n\r\n"
         self.transport.write(head.encode() + body)
         if self.transport.can_write_eof():
-            self.transport.write_eof()
+            with suppress(OSError):  # it is gone already
+                self.transport.write_eof()
         self.loop.call_later(PARTING, self.transport.close)
 
 

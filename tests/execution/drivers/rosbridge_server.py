@@ -33,6 +33,7 @@ class Robot:
         self.t, self.q, self.v = np.array([0.0]), np.array([q]), np.zeros((1, len(q)))
         self.seen, self.goals, self.answers, self.subscribed = [], [], [], set()
         self.scaling, self.refuse, self.goal = None, False, None
+        self.leap, self.connections, self.leads = 0.0, [], []  # s: of stamps; s from a goal to its begin
 
     def clock(self):
         return AHEAD + time.monotonic()
@@ -47,6 +48,7 @@ class Robot:
         trajectory, now = message["args"]["trajectory"], self.clock()
         assert trajectory["joint_names"] == self.names
         start, points = seconds(trajectory["header"]["stamp"]), trajectory["points"]
+        self.leads.append(start - now)
         t = np.array([start + seconds(point["time_from_start"]) for point in points])
         q, v = (np.array([point[key] for point in points]) for key in ("positions", "velocities"))
         assert (np.diff(t) > 0.0).all()
@@ -67,6 +69,7 @@ class Robot:
         self.goals.append(message)
 
     def handle(self, connection):
+        self.connections.append(connection)
         try:
             while True:
                 self.receive(connection)
@@ -78,7 +81,8 @@ class Robot:
                         self.goal = None
                     answers, self.answers = self.answers, []
                 self.seen.append(q)
-                stamp = {"sec": int(now), "nanosec": int(1e9 * (now % 1.0))}
+                told = now + self.leap
+                stamp = {"sec": int(told), "nanosec": int(1e9 * (told % 1.0))}
                 order = [*self.names[::-1], "gripper"]
                 message = {"header": {"stamp": stamp}, "name": order, "position": [*q[::-1], 0.02]}
                 self.publish(connection, "/joint_states", {**message, "velocity": [*v[::-1], 0.0]})

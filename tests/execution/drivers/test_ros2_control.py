@@ -86,6 +86,31 @@ def test_a_robot_that_does_otherwise_ends_in_a_stop(run, robot, fault, reason):
     assert reason in found["reason"]
 
 
+@pytest.mark.parametrize("leap", [10.0, -10.0, 0.3])
+def test_goals_never_begin_by_a_clock_that_leapt(run, robot, leap):
+    execution = execution_of(run, robot, override=0.5)
+    execution.start()
+    until(lambda: execution.snapshot()["place"] > 0.1)
+    robot.leap = leap
+    found = execution.wait(20.0)
+    assert found["phase"] == "stopped"
+    assert "the stamps of joint states leapt from" in found["reason"]
+    until(lambda: robot.clock() > robot.t[-1])
+    assert from_path(run, [*robot.seen, robot.q[-1]]) < 0.01
+    assert max(robot.leads) < 0.11
+
+
+def test_the_client_does_not_connect_again(run, robot):
+    execution = execution_of(run, robot, override=0.5)
+    execution._driver._ros.factory._reconnect_delay = 0.05
+    execution.start()
+    until(lambda: execution.snapshot()["place"] > 0.1)
+    robot.connections[0].close()
+    assert "the connection to the rosbridge server is lost" in execution.wait(20.0)["reason"]
+    time.sleep(0.5)
+    assert len(robot.connections) == 1
+
+
 def test_a_robot_that_stands_elsewhere_is_not_moved(run, robot):
     robot.q = robot.q + 0.1
     with pytest.raises(DriverError, match="does not stand where the motion begins"):

@@ -37,6 +37,45 @@ def test_a_motion_comes_to_its_end_on_the_grid_of_its_rate(run):
     assert robot.stopped == ["done"]
 
 
+class FreezingRobot(FollowingRobot):
+    """Stands still from `last` s before the end on, for `during` s."""
+
+    def __init__(self, run, last, during):
+        super().__init__(run)
+        self.frozen = (run.duration - last, run.duration - last + during)
+
+    def send(self, tick):
+        before = self.q
+        super().send(tick)
+        if self.frozen[0] < tick.t < self.frozen[1]:
+            self.q = before
+
+
+@pytest.mark.parametrize("last", [0.1, 0.2, 0.3])
+def test_a_robot_that_does_not_come_to_the_end_is_not_done(run, last):
+    """The lag alone does not show it: it is the distance that counts."""
+    robot = FreezingRobot(run, last, 60.0)
+    execution = executed(run, robot)
+    found = execution.snapshot()
+    assert found["phase"] == "stopped"
+    assert "the robot does not come to the end of the motion: panda_joint1 is at" in found["reason"]
+    assert robot.stopped == [found["reason"]]
+
+
+def test_a_robot_that_comes_to_the_end_late_is_done(run):
+    robot = FreezingRobot(run, 0.2, 0.7)
+    found = executed(run, robot).snapshot()
+    assert (found["phase"], robot.stopped) == ("done", [found["reason"] or "done"])
+    assert np.allclose(robot.q, run.trajectory.end)
+
+
+def test_a_robot_may_end_as_far_off_as_it_may_move(run):
+    robot = FreezingRobot(run, 0.1, 60.0)
+    execution = op.Execution(op.Executor(run, deviation=0.06), robot, clock=robot.clock)
+    execution.start()
+    assert execution.wait(20.0)["phase"] == "done"
+
+
 @pytest.mark.parametrize("lead", [0.0, LEAD])
 def test_a_tick_that_is_a_little_late_changes_nothing(run, lead):
     _, found = late_run(run, 0.9 * PATIENCE, lead)

@@ -25,11 +25,11 @@ HEAD = b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 10\r\n"
 
 
 @contextmanager
-def serving(**given):
-    """A gate before an application that echoes; yields its port."""
+def serving(application=echo, **given):
+    """A gate before an application, by default one that echoes; yields its port."""
     settings = ServiceSettings(**given)
     config = uvicorn.Config(
-        Gate(echo, settings, RequestCounts()), http=guarded_protocol(settings), log_config=None, lifespan="off"
+        Gate(application, settings, RequestCounts()), http=guarded_protocol(settings), log_config=None, lifespan="off"
     )
     server, sock = uvicorn.Server(config), socket.create_server(("127.0.0.1", 0))
     thread = threading.Thread(target=server.run, args=([sock],), daemon=True)
@@ -203,3 +203,20 @@ def test_connections_that_ask_for_a_websocket_are_counted_until_they_close(serve
         with connected(port, asked) as client:
             client.recv(100)
     assert httpx.get(f"{server.url}/healthz", trust_env=False).status_code == 200
+
+
+def test_refused_clients_that_are_gone_already_leave_no_error_behind(caplog):
+    """Each left a traceback in the log: a client could fill the disk with them."""
+
+    async def busy(scope, receive, send):
+        time.sleep(0.5)  # until then nobody is let in
+        await echo(scope, receive, send)
+
+    with serving(busy, connections=1) as port, connected(port, HEAD + b"\r\n" + 10 * b"x") as first:
+        time.sleep(0.1)
+        for _ in range(20):
+            connected(port).close()
+        assert first.recv(65536).startswith(b"HTTP/1.1 ")
+        with connected(port) as last:
+            assert read_all(last).startswith(b"HTTP/1.1 429 ")
+    assert [one.getMessage() for one in caplog.records if one.name == "asyncio"] == []
