@@ -94,7 +94,7 @@ class SingularityModel:
 
 
 def singularity_model(robot: Robot) -> SingularityModel | None:
-    """The model of an arm of one of the two families that `arm_geometry.recognise` knows; None for any other arm."""
+    """The model of an arm of one of the two families that `arm_recognition.recognise` knows; None for any other arm."""
     geometry = recognise(robot.model, robot.tool_frame)
     return None if geometry is None else SingularityModel(robot, "spherical" if geometry.spherical else "parallel")
 

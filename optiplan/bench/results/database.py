@@ -53,7 +53,7 @@ class StoreError(OptiPlanError):
 class Store:
     """Open results of one suite; use as a context manager.
 
-    One process at a time may write (`for_writing`), any number may read.
+    One process at a time may write (`write`), any number may read.
     """
 
     def __init__(self, folder: Path, *, write: bool = False) -> None:

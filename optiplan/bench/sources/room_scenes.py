@@ -1,4 +1,4 @@
-"""More generators of scenes, as described in `scenes.py`: walls, clutter, machines, aisles."""
+"""More generators of scenes, as described in `tabletop_scenes.py`: walls, clutter, machines, aisles."""
 
 from dataclasses import dataclass
 from typing import ClassVar
