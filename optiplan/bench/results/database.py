@@ -166,10 +166,10 @@ class Store:
         with self._translated_errors():
             return self._db.execute(sql, values).fetchall()
 
-    def batches(self, sql: str, values: tuple[Any, ...] = ()) -> Iterator[list[sqlite3.Row]]:
+    def batches(self, sql: str) -> Iterator[list[sqlite3.Row]]:
         """The rows of any SELECT as of now, some at a time: memory does not grow with the results."""
         with self._translated_errors():
-            cursor = self._db.execute(sql, values)
+            cursor = self._db.execute(sql)
             while rows := cursor.fetchmany(BATCH):
                 yield rows
 

@@ -106,10 +106,9 @@ class UsdStage:
         field = f"{prim.GetPath()}.{key}" if key else str(prim.GetPath())
         return InputError([Issue(str(self.path), None, field, found, expected)])
 
-    def prims(self, root: Any = None) -> Iterator[Any]:
-        """Every prim that is loaded and defined, also within instances; from a prim down where one is given."""
-        start = self.stage.GetPseudoRoot() if root is None else root
-        yield from self.usd.PrimRange(start, self.usd.TraverseInstanceProxies())
+    def prims(self) -> Iterator[Any]:
+        """Every prim that is loaded and defined, also within instances."""
+        yield from self.usd.PrimRange(self.stage.GetPseudoRoot(), self.usd.TraverseInstanceProxies())
 
     def placed(self, prim: Any) -> Affine:
         """A_WP of a prim."""
