@@ -27,21 +27,15 @@ def robometrics_file(place: Place) -> Iterator[Found]:
     sets = document.data
     if not isinstance(sets, Mapping) or not all(isinstance(items, list) for items in sets.values()):
         raise _refused(document, "the file", "sets of problems: {name: [problem, …]}")
-    unknown = sorted(set(place.spec.sets or ()) - sets.keys())
-    if unknown:
-        raise place.refuse("sets", f"unknown set '{unknown[0]}'", f"some of: {', '.join(sorted(sets))}")
     robot = place.robot() or "panda"
-    for name in place.spec.sets or sorted(sets):
-        for index, item in place.thinned(list(enumerate(sets[name]))):
-            where = f"{name}[{index}]"
-            set_name = f"{place.spec.set}-{name}" if place.spec.set else name
-            origin = {"file": str(path.resolve()), "set": name, "index": index}
-            try:
-                data = _converted(item, robot)
-            except (AttributeError, KeyError, TypeError, ValueError) as error:
-                expected = "start, goal_pose and obstacles as robometrics writes them"
-                raise _refused(document, f"{where}: {type(error).__name__} {error}", expected) from None
-            yield Found(f"{index:04d}", set_name, data, path.resolve().parent, origin)
+    for name, set_name, (index, item) in place.chosen({k: list(enumerate(items)) for k, items in sets.items()}):
+        try:
+            data = _converted(item, robot)
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            expected = "start, goal_pose and obstacles as robometrics writes them"
+            raise _refused(document, f"{name}[{index}]: {type(error).__name__} {error}", expected) from None
+        origin = {"file": str(path.resolve()), "set": name, "index": index}
+        yield Found(f"{index:04d}", set_name, data, path.resolve().parent, origin)
 
 
 def _refused(document: Document, found: str, expected: str) -> InputError:
