@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.geometry.poses import pose_to_data
+from optiplan.importers.robots.polyhedra import obj_text
 from optiplan.problem.schema.scene import WORLD
 from optiplan.robot.robot import Robot
 
@@ -194,11 +195,9 @@ class SceneConverter:
         triangles = [t["vertex_indices"] if isinstance(t, Mapping) else t for t in mesh.get("triangles") or []]
         if not vertices or not triangles:
             raise CannotConvert(f"object '{item['id']}' has a mesh without vertices or triangles in the file")
-        lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.array(vertices).tolist()]
-        lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in np.array(triangles, int).tolist()]
         plain = "".join(c if c.isalnum() else "_" for c in str(item["id"]))
         file = f"{self.prefix}_{plain}_{len(self.meshes)}.obj"
-        self.meshes[file] = "\n".join(lines) + "\n"
+        self.meshes[file] = obj_text(np.array(vertices), np.array(triangles, int))
         return {"mesh": {"file": file}}
 
     def _plane(self, item: Data, plane: Data, X_FS: pin.SE3) -> dict[str, Any]:
