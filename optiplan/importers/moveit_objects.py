@@ -49,7 +49,11 @@ def _length(quaternion: Array) -> float:
 
 
 def joint_state(state: Data | None) -> dict[str, float]:
-    """Values of the joints in a `moveit_msgs/RobotState`."""
+    """Values of the joints in a `moveit_msgs/RobotState`, rad or m.
+
+    Raises:
+        CannotConvert: not as many values as names.
+    """
     joints = (state or {}).get("joint_state") or {}
     names, values = joints.get("name") or [], joints.get("position") or []
     if len(names) != len(values):
@@ -91,7 +95,11 @@ class Frames:
         return self.named(str((header or {}).get("frame_id") or ""))
 
     def named(self, frame: str) -> pin.SE3:
-        """Pose of a frame."""
+        """Pose of a frame in the world.
+
+        Raises:
+            CannotConvert: there is none of that name.
+        """
         name = frame.removeprefix("/")
         if name not in self._named:
             raise CannotConvert(f"unknown frame '{frame}'")
@@ -135,7 +143,11 @@ class SceneConverter:
             self.obstacles += self._bodies(item, X_WO)
 
     def add_attached(self, state: Data | None) -> None:
-        """Every object that a robot state holds, unless it is attached already."""
+        """Every object that a robot state holds, unless it is attached already.
+
+        Raises:
+            CannotConvert: its link is none of the robot's, or its frame is unknown.
+        """
         for item in (state or {}).get("attached_collision_objects") or []:
             held, link = item["object"], str(item["link_name"])
             if str(held["id"]) in self._parts:

@@ -140,6 +140,9 @@ class JointCouplingTask(ControlTask):
         cost: per unit, one or (k,).
         gain: 1/s.
         priority: see `ControlTask`.
+
+    Raises:
+        InputError: A is no finite matrix (k, n), in the controller one of other joints; or b has another size.
     """
 
     name: ClassVar[str] = "joint coupling"
