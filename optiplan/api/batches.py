@@ -1,5 +1,6 @@
 """`plan_batch`: folders of thousands of problem files, resumable, into Parquet and LeRobot data sets."""
 
+import os
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -181,9 +182,11 @@ def _files(problems: Any) -> tuple[Path, list[str]]:
     """The folder that file names are relative to, and the names in order."""
     if isinstance(problems, str | Path):
         root = Path(problems)
-        found = sorted(path for path in chain(root.rglob("*.yaml"), root.rglob("*.yml")) if path.name != "robot.yaml")
+        is_folder = os.path.isdir(root)  # which raises nothing, however long the name is
+        files = chain(root.rglob("*.yaml"), root.rglob("*.yml")) if is_folder else ()
+        found = sorted(path for path in files if path.name != "robot.yaml")
         if not found:
-            told = "a folder without any *.yaml" if root.is_dir() else "no folder"
+            told = "a folder without any *.yaml" if is_folder else "no folder"
             raise InputError([Issue(str(root), None, "problems", told, "a folder with problem files")])
         return root.resolve(), [str(path.relative_to(root)) for path in found]
     if not isinstance(problems, Sequence) or not all(isinstance(path, str | Path) for path in problems) or not problems:

@@ -1,5 +1,6 @@
 """`init_robot`: from a URDF or a robot of another program to a robot.yaml and the pairs that need no check."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -130,7 +131,7 @@ def _are_pairs(value: object) -> bool:
 
 def home_of(source: Path) -> Path:
     """Return the folder for the files of a robot where none is given: that of its source."""
-    return source if source.is_dir() else source.parent
+    return source if os.path.isdir(source) else source.parent
 
 
 def checked_limit(key: str, value: float) -> tuple[str, float]:

@@ -74,7 +74,7 @@ def all_of(parts: Iterable[object], kind: type, argument: str, expected: str) ->
 
 def relaxed_order(relax: Sequence[str], limits: Iterable[ControlLimit]) -> tuple[str, ...]:
     """Names of limits, the least important first."""
-    if isinstance(relax, str) or any(name not in ORDER for name in relax):
+    if any(name not in ORDER for name in relax):
         raise wrong_argument("Controller", "relax", f"{relax!r}", f"names among: {', '.join(ORDER)}")
     own = dict.fromkeys(limit.name for limit in limits)
     others = [name for name in own if name not in ORDER]

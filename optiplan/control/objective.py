@@ -178,7 +178,7 @@ class TaskObjective:
         return np.asarray(change) if max(map(abs, change.tolist())) <= JUMP * self._dt else None
 
     def _second_order(self, task: ControlTask, J: Array, wanted: Array, c: Configuration, state: State) -> Array:
-        """J v + dt (J a) with J a + J̇ v = 4 gain (wanted - J v) - gain (J v - forward) + rate of forward.
+        """J v + dt (J a) with J a + J̇ v = 4 max(gain, 1) (wanted - J v) - gain (J v - forward) + rate of forward.
 
         The rate J v follows the wanted one four times as fast as the error falls; how the wanted rate itself falls with
         the error is known and fed forward, and so is the drift J̇ v.

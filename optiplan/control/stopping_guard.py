@@ -151,8 +151,7 @@ class StoppingGuard:
             if len(view):
                 pair, distance = view.least
                 if best is None or distance < best.distance:
-                    a, _, b = limit.labels[pair].partition(" and ")
-                    best = NearestPair(a, b, distance)
+                    best = NearestPair(*limit.bodies(pair), distance)
         return best
 
     def _longest_way(self, state: State) -> Array:

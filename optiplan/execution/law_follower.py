@@ -6,7 +6,7 @@ from optiplan.execution.arguments import same_state
 from optiplan.execution.due_events import DueEvents
 from optiplan.execution.paths.joint_stop import Detour, JointStops
 from optiplan.execution.paths.next_path import NextPath
-from optiplan.execution.paths.path_laws import SetPoint
+from optiplan.execution.paths.path_laws import SetPoint, rests
 from optiplan.execution.paths.proved_path import PathStretch, ProvedPath, Turned, held_in
 from optiplan.execution.scene.planning_process import PlanningProcess
 from optiplan.execution.scene.scene_watch import BlockedPlace
@@ -175,7 +175,7 @@ class LawFollower:
     @property
     def _law_rests(self) -> bool:
         """Whether the law leads to rest and has come to it."""
-        return self._law.target == 0.0 and self.time >= self._law.settled
+        return rests(self._law, self.time)
 
     def _aim(self) -> None:
         """Let the law lead to the wanted speed, at once or as soon as limits leave room for it."""

@@ -106,7 +106,7 @@ class Importer:
             converted = convert(scene, request, robot, number)
         except CannotConvert:
             raise
-        except (KeyError, TypeError, AttributeError, ValueError, IndexError) as error:  # files of another kind
+        except (LookupError, TypeError, AttributeError, ValueError, OverflowError) as error:  # files of another kind
             raise CannotConvert(f"not a MoveIt scene and request: {type(error).__name__} {error}") from error
         shipped = self.reference is None or self.reference in robot_names()
         reference = robot.source.parent.name if shipped else str(robot.source)
@@ -145,7 +145,7 @@ def number_of(request_file: Path) -> str:
 def _read(path: Path) -> Mapping[str, Any]:
     try:
         data = YAML(typ="safe", pure=False).load(path)
-    except (YAMLError, OSError, UnicodeDecodeError) as error:
+    except (YAMLError, OSError, ValueError) as error:
         raise CannotConvert(f"{path.name} cannot be read: {' '.join(str(error).split())}") from error
     if not isinstance(data, dict):
         raise CannotConvert(f"{path.name} holds no mapping")

@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.geometry.poses import pose_to_data
+from optiplan.importers.robots.polyhedra import obj_text
 from optiplan.problem.schema.scene import WORLD
 from optiplan.robot.robot import Robot
 
@@ -48,7 +49,11 @@ def _length(quaternion: Array) -> float:
 
 
 def joint_state(state: Data | None) -> dict[str, float]:
-    """Values of the joints in a `moveit_msgs/RobotState`."""
+    """Values of the joints in a `moveit_msgs/RobotState`, rad or m.
+
+    Raises:
+        CannotConvert: not as many values as names.
+    """
     joints = (state or {}).get("joint_state") or {}
     names, values = joints.get("name") or [], joints.get("position") or []
     if len(names) != len(values):
@@ -90,7 +95,11 @@ class Frames:
         return self.named(str((header or {}).get("frame_id") or ""))
 
     def named(self, frame: str) -> pin.SE3:
-        """Pose of a frame."""
+        """Pose of a frame in the world.
+
+        Raises:
+            CannotConvert: there is none of that name.
+        """
         name = frame.removeprefix("/")
         if name not in self._named:
             raise CannotConvert(f"unknown frame '{frame}'")
@@ -134,7 +143,11 @@ class SceneConverter:
             self.obstacles += self._bodies(item, X_WO)
 
     def add_attached(self, state: Data | None) -> None:
-        """Every object that a robot state holds, unless it is attached already."""
+        """Every object that a robot state holds, unless it is attached already.
+
+        Raises:
+            CannotConvert: its link is none of the robot's, or its frame is unknown.
+        """
         for item in (state or {}).get("attached_collision_objects") or []:
             held, link = item["object"], str(item["link_name"])
             if str(held["id"]) in self._parts:
@@ -194,11 +207,9 @@ class SceneConverter:
         triangles = [t["vertex_indices"] if isinstance(t, Mapping) else t for t in mesh.get("triangles") or []]
         if not vertices or not triangles:
             raise CannotConvert(f"object '{item['id']}' has a mesh without vertices or triangles in the file")
-        lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.array(vertices).tolist()]
-        lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in np.array(triangles, int).tolist()]
         plain = "".join(c if c.isalnum() else "_" for c in str(item["id"]))
         file = f"{self.prefix}_{plain}_{len(self.meshes)}.obj"
-        self.meshes[file] = "\n".join(lines) + "\n"
+        self.meshes[file] = obj_text(np.array(vertices), np.array(triangles, int))
         return {"mesh": {"file": file}}
 
     def _plane(self, item: Data, plane: Data, X_FS: pin.SE3) -> dict[str, Any]:

@@ -67,14 +67,10 @@ class ToolKinematics:
         """
         J = self._of_joints(Q)[1]
         v, w = J[:, :3].transpose(0, 2, 1), J[:, 3:].transpose(0, 2, 1)  # (N, J, 3)
-        n = J.shape[2]
-        H = np.zeros((len(Q), 6, n, n))
-        for i in range(n):
-            for j in range(n):
-                low, high = min(i, j), max(i, j)
-                H[:, :3, i, j] = np.cross(w[:, low], v[:, high])
-                if j <= i:
-                    H[:, 3:, i, j] = np.cross(w[:, j], w[:, i])
+        k = np.arange(J.shape[2])
+        low, high = np.minimum.outer(k, k), np.maximum.outer(k, k)  # [i, j]
+        linear, angular = (np.cross(w[:, low], part[:, high]).transpose(0, 3, 1, 2) for part in (v, w))
+        H = np.concatenate([linear, np.where(np.tri(len(k), dtype=bool), angular, 0.0)], axis=1)
         H = self.kinematics.of_planned(H)
         return self.kinematics.of_planned(H.swapaxes(2, 3)).swapaxes(2, 3)
 

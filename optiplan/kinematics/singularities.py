@@ -69,7 +69,7 @@ class SingularityModel:
         """Factors at Q (N, 6)."""
         axis, point = self._kinematics.axes(self._kinematics.poses(Q))
         z1, z2, z4, z5, z6 = (axis[:, k] for k in (0, 1, 3, 4, 5))
-        centre = _nearest_on_axis(axis, point, 4, 5)
+        centre = _wrist_centre(axis, point)
         end = centre if self.wrist == "spherical" else point[:, 3]
         upper, fore = _across(point[:, 2] - point[:, 1], z2), _across(end - point[:, 2], z2)
         shoulder = _dot(z2, np.cross(z1, centre - point[:, 0]))
@@ -88,22 +88,22 @@ class SingularityModel:
         if self.wrist != "spherical":
             raise ValueError("the wrist's axes do not meet: joint 4 moves its centre")
         axis, point = self._kinematics.axes(self._kinematics.poses(Q))
-        centre = _nearest_on_axis(axis, point, 4, 5)
+        centre = _wrist_centre(axis, point)
         arm = np.cross(axis[:, :3], centre[:, None] - point[:, :3])
         return Blocks(arm.swapaxes(1, 2), axis[:, 3:6].swapaxes(1, 2), centre)
 
 
 def singularity_model(robot: Robot) -> SingularityModel | None:
-    """The model of an arm of one of the two families that `arm_geometry.recognise` knows; None for any other arm."""
+    """The model of an arm of one of the two families that `arm_recognition.recognise` knows; None for any other arm."""
     geometry = recognise(robot.model, robot.tool_frame)
     return None if geometry is None else SingularityModel(robot, "spherical" if geometry.spherical else "parallel")
 
 
-def _nearest_on_axis(axis: Array, point: Array, i: int, j: int) -> Array:
-    """The point (N, 3) of axis i that is nearest to axis j."""
-    normal = np.cross(axis[:, i], axis[:, j])
-    along = _dot(np.cross(point[:, j] - point[:, i], axis[:, j]), normal) / _dot(normal, normal)
-    return np.asarray(point[:, i] + along[:, None] * axis[:, i])
+def _wrist_centre(axis: Array, point: Array) -> Array:
+    """The point c (N, 3) of axis 5 that is nearest to axis 6."""
+    normal = np.cross(axis[:, 4], axis[:, 5])
+    along = _dot(np.cross(point[:, 5] - point[:, 4], axis[:, 5]), normal) / _dot(normal, normal)
+    return np.asarray(point[:, 4] + along[:, None] * axis[:, 4])
 
 
 def _across(vector: Array, axis: Array) -> Array:

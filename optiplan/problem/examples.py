@@ -1,6 +1,7 @@
 """Find problem files by path, or by the name of an example shipped with OptiPlan."""
 
 import difflib
+import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -19,27 +20,27 @@ def find_problem(name: str) -> Path:
     Raises:
         InputError: no such file, with the most similar example; a file whose name is not that of a problem.
     """
-    path = Path(name)
+    path = Path(name)  # `os.path` finds nothing where the name is longer than a file's can be, such as the text of one
     other = _NOT_PROBLEMS.get(path.suffix.lower()) or (_RUN if path.name in _RUN_FILES else None)
-    if path.is_file() and other is None:
+    if os.path.isfile(path) and other is None:
         return path
     examples = {example.stem: example for example in sorted(problems_dir().glob("*.yaml"))}
     if path.parent in (Path(), Path("problems")) and path.suffix in ("", ".yaml") and path.stem in examples:
         return examples[path.stem]
-    if path.is_file() and other is not None:
+    if os.path.isfile(path) and other is not None:
         raise InputError([Issue(name, None, "file", other, "a problem file (YAML)")])
     expected = f"a problem file, or one of the examples: {', '.join(examples)}"
-    if not path.exists():
+    if not os.path.exists(path):
         expected += _hint(path.stem, examples)
     raise InputError([Issue(name or "''", None, "file", _found(path) if name else "an empty name", expected)])
 
 
 def _found(path: Path) -> str:
-    if (path / _RUN_FILES[0]).is_file():
+    if os.path.isfile(path / _RUN_FILES[0]):
         return f"the folder of a run: {_RUN}"
-    if path.is_dir():
+    if os.path.isdir(path):
         return "is a folder"
-    return "is no regular file" if path.exists() else "no such file"
+    return "is no regular file" if os.path.exists(path) else "no such file"
 
 
 def _hint(name: str, examples: Iterable[str]) -> str:

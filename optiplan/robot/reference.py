@@ -2,6 +2,7 @@
 
 import functools
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -58,9 +59,9 @@ def robot_file(ref: str, base: Path | None = None) -> Path:
     if ref in robot_names():
         return robots_dir() / ref / "robot.yaml"
     path = Path(base or ".") / ref
-    if path.is_dir():
+    if os.path.isdir(path):  # which raises nothing, however long the name is
         return path / "robot.yaml"
-    if path.suffix not in (".yaml", ".yml") and not path.is_file():
+    if path.suffix not in (".yaml", ".yml") and not os.path.isfile(path):
         raise UnknownChoiceError("robot", ref, [*robot_names(), "a path to a robot.yaml"])
     return path
 

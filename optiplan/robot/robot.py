@@ -220,7 +220,7 @@ class Robot(RobotParts):
         Raises:
             UnknownChoiceError: an unknown frame.
         """
-        if not self.model.existFrame(name):
+        if not isinstance(name, str) or not self.model.existFrame(name):
             raise UnknownChoiceError("frame", name, [frame.name for frame in self.model.frames[1:]])
         return int(self.model.getFrameId(name))
 

@@ -76,6 +76,7 @@ def run(
     Raises:
         UnknownChoiceError: no such planner or option.
         InputError: an invalid value of an option.
+        RuntimeError: the planner raised SystemExit, and there is no motion.
     """
     if isinstance(planner, str):
         name, chosen = planner, make_planner(planner, options)

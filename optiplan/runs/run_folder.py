@@ -1,6 +1,7 @@
 """The run folder: `run.json` and `trajectory.json`, written atomically."""
 
 import json
+import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -130,8 +131,9 @@ def load_run(place: Path | str, joint_names: Sequence[str] | None = None) -> Sto
         InputError: there is no run, or a file of it is broken.
     """
     place = Path(place)
-    folder = place if place.is_dir() else place.parent
-    if place.is_dir() or place.name == RUN:
+    is_folder = os.path.isdir(place)  # which raises nothing, however long the name is
+    folder = place if is_folder else place.parent
+    if is_folder or place.name == RUN:
         record = _read_record(folder / RUN)
         trajectory = folder / TRAJECTORY
         if record.get("failure") is None or trajectory.exists():

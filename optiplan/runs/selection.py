@@ -25,7 +25,8 @@ class Selection:
 
     Attributes:
         trajectory: the shortest motion that is verified; where none is, the planner's own choice.
-        proof: seconds that its proof took, s.
+        report: of its verification.
+        proof: time that this took, s.
         slowed: factor on the planner's duration; above 1 where only that satisfied the limits.
         answers: (seconds of planning and proving, motion) of every verified answer on the way, in order of seconds and
             of durations; one whose proof would have ended after that of a better one is left out. The first one was
@@ -49,6 +50,9 @@ def best_verified(problem: Problem, candidates: list[Candidate], budget: Budget,
 
     One refused for a rate or a torque alone is tried again slightly slower, unless another candidate is as fast
     as that. The planner's own choice is always verified, the others while the budget lasts.
+
+    Raises:
+        ValueError: there are no candidates.
     """
     refused: Selection | None = None
     for place in reversed(range(len(candidates))):

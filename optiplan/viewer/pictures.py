@@ -139,7 +139,11 @@ def find_ffmpeg() -> str:
 
 
 def save_mp4(frames: "Sequence[Image]", path: Path, ffmpeg: str) -> None:
-    """Write frames as H.264, in the colours that every player knows, which takes even widths and heights."""
+    """Write frames as H.264, in the colours that every player knows, which takes even widths and heights.
+
+    Raises:
+        OptiPlanError: ffmpeg could not, with its last line.
+    """
     width, height = frames[0].size
     still = round(REST * RATE / 1000.0)
     command = [ffmpeg, "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"]

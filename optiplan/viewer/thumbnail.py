@@ -79,20 +79,17 @@ def scene_picture(problem: Problem, trajectory: Trajectory | None = None) -> str
     return f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}">{image}{drawn}</svg>'
 
 
-def thumbnail(
-    problem: Problem, q: Array | None = None, size: tuple[int, int] = (WIDTH, HEIGHT), also: Array | None = None
-) -> Thumbnail:
-    """Picture of a problem's scene with its robot, seen from behind it, from the right and above, without perspective.
+def thumbnail(problem: Problem, size: tuple[int, int] = (WIDTH, HEIGHT), also: Array | None = None) -> Thumbnail:
+    """Picture of a problem's scene with its robot at the start, seen from behind it, from the right and above.
 
-    Framed by the robot and the obstacles; half-spaces are left out.
+    Without perspective; framed by the robot and the obstacles; half-spaces are left out.
 
     Args:
         problem: robot and scene.
-        q: (n,), of the robot; None: at the start.
         size: of the picture, px.
         also: points (k, 3), m, of the world that have to be within the frame.
     """
-    triangles, colours = _triangles(problem, problem.start if q is None else q)
+    triangles, colours = _triangles(problem)
     away = np.array([np.cos(RISE) * np.cos(TURN), np.cos(RISE) * np.sin(TURN), np.sin(RISE)])
     right = np.cross([0.0, 0.0, 1.0], away) / np.cos(RISE)
     down = -np.cross(away, right)
@@ -106,18 +103,18 @@ def thumbnail(
     return Thumbnail(_png(_drawn(seen, _shaded(triangles, colours), size)), axes, origin)
 
 
-def _triangles(problem: Problem, q: Array) -> tuple[Array, Array]:
+def _triangles(problem: Problem) -> tuple[Array, Array]:
     """Triangles (m, 3, 3), m, in the world, and their colours (m, 3)."""
-    found = [(surface.vertices[surface.faces], colour) for surface, colour in _surfaces(problem, q)]
+    found = [(surface.vertices[surface.faces], colour) for surface, colour in _surfaces(problem)]
     if not found:
         return np.zeros((0, 3, 3)), np.zeros((0, 3))
     return np.concatenate([t for t, _ in found]), np.concatenate([np.tile(c, (len(t), 1)) for t, c in found])
 
 
-def _surfaces(problem: Problem, q: Array) -> Iterator[tuple[Surface, Sequence[float]]]:
+def _surfaces(problem: Problem) -> Iterator[tuple[Surface, Sequence[float]]]:
     robot = problem.robot
     data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
+    pin.framesForwardKinematics(robot.model, data, problem.start)
     for body in robot.geometry.geometryObjects:
         yield _placed(body_triangles(body.geometry), data.oMi[body.parentJoint] * body.placement), ROBOT
     for held in problem.scene.attached:

@@ -148,6 +148,15 @@ def test_clearance_of_scene_and_self(panda, form):
     assert step.nearest is not None
 
 
+def test_the_nearest_bodies_are_told_whatever_they_are_called(panda):
+    held = op.Box("nut and bolt", size=(0.04, 0.04, 0.1), position=(0, 0, 0.16)).attached_to("panda_hand", touch=HAND)
+    scene = op.Scene([op.Box("salt and pepper", size=(0.05, 0.05, 0.1), position=(0.365, 0.0, 0.47))], attached=[held])
+    state = op.State(panda.configurations["ready"])
+    nearest = op.Controller(panda, [op.PostureTask("ready")], scene=scene).step(state, DT).nearest
+    assert (nearest.a, nearest.b) == ("nut and bolt", "salt and pepper")
+    assert nearest.distance == pytest.approx(CollisionModel(panda, scene).clearance(state.q).distance, abs=1e-9)
+
+
 def test_clearance_of_what_is_held(panda):
     """A bar in the hand reaches the post long before the hand would."""
     bar = op.Box("bar", size=(0.04, 0.4, 0.04), position=(0, 0.15, 0.1)).attached_to("panda_hand", touch=HAND)

@@ -5,6 +5,7 @@ import pinocchio as pin
 import pytest
 
 import optiplan as op
+from optiplan.control.objective import TaskObjective
 from optiplan.control.tasks.base import ControlTask
 
 TARGET = op.Pose(position=(0.4, 0.2, 0.5), rpy=(2.8, 0.3, 0.4))
@@ -205,3 +206,25 @@ def test_a_task_of_ones_own_gives_the_same_commands(panda, form):
         states.append(state)
     np.testing.assert_allclose(states[0].q, states[1].q, atol=1e-12)
     assert abs(states[0].q[0] - states[0].q[2]) < 0.3
+
+
+@pytest.mark.parametrize("gain", [0.5, 8.0])
+def test_what_is_asked_for_is_what_the_docstring_says(panda, gain):
+    rng, dt, n = np.random.default_rng(0), 0.002, panda.n
+    (q,), v = configurations(panda, 1), rng.normal(size=n)
+    twist, rate_of_twist = rng.normal(size=(2, 6))
+    task = op.PositionTask(panda.tool_frame, gain=gain)
+    task.bind(panda)
+    task.set_target(TARGET, twist, rate_of_twist)
+    state, controller = op.State(q, v, rng.normal(size=n)), op.Controller(panda, [])
+    c, ahead, behind = (controller.configuration(op.State(q + s * 1e-6 * v, v)) for s in (0, 1, -1))
+    J, drift = task.jacobian(c), (task.jacobian(ahead) - task.jacobian(behind)) @ v / 2e-6
+    wanted = -gain * task.error(c) + twist[:3]
+    asked = {}
+    for by_acceleration in (False, True):
+        objective = TaskObjective([task], n, by_acceleration, 0.0, 1e-4, first=True)
+        objective.begin_step(state, dt)
+        asked[by_acceleration] = objective.demand(c, state).b.copy()
+    expected = 4.0 * max(gain, 1.0) * (wanted - J @ v) - gain * (J @ v - twist[:3]) + rate_of_twist[:3] - drift
+    np.testing.assert_allclose(asked[False], wanted, atol=1e-12)
+    np.testing.assert_allclose((asked[True] - J @ v) / dt, expected, atol=1e-5)

@@ -108,6 +108,23 @@ def test_files_without_partner_and_bad_pairs_are_told(tmp_path, arm):
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["0001.yaml"]
 
 
+@pytest.mark.parametrize(
+    ("scene", "words"),
+    [
+        (SCENE.replace("1.5", "9" * 400), "not a MoveIt scene and request: OverflowError"),
+        (SCENE.replace("orientation: [0, 0, 0, 1]", "orientation: [0, 0, 0, 1e308]"), "not a MoveIt scene"),
+        (SCENE.replace("1.5", "9" * 5000), "scene0001.yaml cannot be read: Exceeds the limit"),
+    ],
+)
+def test_numbers_of_hundreds_of_digits_cost_one_pair(tmp_path, arm, scene, words):
+    place(tmp_path / "in", scene)
+    place(tmp_path / "in", number="0002")
+    summary = import_mbm(tmp_path / "in", tmp_path / "out", str(arm))
+    assert [path.name for path in summary.written] == ["0002.yaml"]
+    ((_, reason),) = summary.skipped
+    assert words in reason
+
+
 def test_robot_is_found_by_the_name_in_the_scene(tmp_path):
     place(tmp_path, SCENE.replace("Arm", "Planar2R"))
     (path,) = import_mbm(tmp_path, tmp_path / "out").written

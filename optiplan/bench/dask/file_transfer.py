@@ -6,7 +6,6 @@ by the hash of their content in place of files; workers cache bundles by hash an
 
 import os
 import re
-import shutil
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from copy import deepcopy
@@ -18,7 +17,7 @@ from optiplan import cache
 from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.results.records import CHANGED, BenchProblem, ChangedError
 from optiplan.config.document import Document
-from optiplan.errors import OptiPlanError
+from optiplan.errors import OptiPlanError, named_reason
 from optiplan.files import read_bytes, reading
 from optiplan.problem.from_data import planned_robot
 from optiplan.problem.hashing import problem_hash, shape_files_of
@@ -35,7 +34,7 @@ TEXTS = (".yaml", ".yml", ".urdf", ".srdf", ".xml")
 
 
 class TravelError(OptiPlanError):
-    """A robot that cannot be transferred."""
+    """Files that cannot be transferred."""
 
 
 @dataclass(frozen=True)
@@ -120,20 +119,23 @@ def keep(digest: str, bundle_contents: BundleContents) -> None:
 
     Raises:
         ChangedError: its files are not those of the digest: they were changed after the problem was packed.
+        TravelError: the cache cannot hold it.
     """
     if bundle_contents.digest != digest:
         raise ChangedError(f"{bundle_contents.home}: {CHANGED}")
     folder = _folder(f"{SCHEME}{digest}/")
     folder.parent.mkdir(parents=True, exist_ok=True)
-    fresh = Path(tempfile.mkdtemp(dir=folder.parent))
-    for name, content in bundle_contents.files.items():
-        path = fresh / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(_settled(content, bundle_contents.home, folder) if path.suffix in TEXTS else content)
-    try:
-        fresh.rename(folder)
-    except OSError:  # another process was faster
-        shutil.rmtree(fresh)
+    with tempfile.TemporaryDirectory(dir=folder.parent) as scratch:
+        fresh = Path(scratch, digest)
+        for name, content in bundle_contents.files.items():
+            path = fresh / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(_settled(content, bundle_contents.home, folder) if path.suffix in TEXTS else content)
+        try:
+            fresh.rename(folder)
+        except OSError as error:
+            if not folder.is_dir():  # else another process was faster
+                raise TravelError(f"{folder} cannot be written: {named_reason(error)}") from error
 
 
 def unpack_files(problem: BenchProblem) -> BenchProblem:

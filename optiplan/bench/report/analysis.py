@@ -15,14 +15,18 @@ from optiplan.bench.report.quality import Quality, quality
 from optiplan.bench.results.arrays import Indices, Runs
 from optiplan.bench.results.database import Store
 from optiplan.bench.results.measures import Results, RunMeasure, load_results
-from optiplan.bench.statistics.intervals_and_tests import Interval, median_interval, performance_ratios, share_intervals
+from optiplan.bench.statistics.intervals_and_tests import (
+    TIE,
+    Interval,
+    median_interval,
+    median_of_known,
+    performance_ratios,
+    share_intervals,
+)
 
 PERCENTILES = (50, 75, 95, 99)
 USUAL = ("easy", "medium", "hard")
 """Difficulties that everybody would put in this order."""
-
-SAME = 1.01
-"""Two costs within 1 % are the same."""
 
 
 class Spread(NamedTuple):
@@ -122,7 +126,7 @@ def analyse_results(results: Results, seed: int = 0, compared: bool = True) -> A
     ]
     numbers = []
     for k in range(len(runs.planners)):
-        firsts = [_share(ratios[:, k] <= SAME) for ratios in (times, durations)]
+        firsts = [_share(ratios[:, k] <= 1.0 + TIE) for ratios in (times, durations)]
         numbers.append(_planner(runs, k, firsts, [stage[k] for stage in stages], seed))
     return Analysis(
         runs,
@@ -202,16 +206,11 @@ def _parts(runs: Runs, names: Sequence[str], seed: int) -> tuple[SubsetSummary, 
         times, ratios = [], []
         for k in range(len(runs.planners)):
             good = (of_run == number) & (runs.planner == k) & runs.verified
-            times.append(_median(runs.plan_time[good]))
-            ratios.append(_median(runs.ratio[good]))
+            times.append(median_of_known(runs.plan_time[good]))
+            ratios.append(median_of_known(runs.ratio[good]))
         success = tuple(_shares(runs, of_run == number, runs.verified, seed))
         found.append(SubsetSummary(name, int((part == number).sum()), success, tuple(times), tuple(ratios)))
     return tuple(found)
-
-
-def _median(values: Array) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if len(known) else float("nan")
 
 
 def _share(flags: Flags) -> float:

@@ -16,8 +16,8 @@ REASONS = 40
 WORDS = 200
 """Characters of a detail that are looked at."""
 
-SELECT = """
-SELECT problem, planner, seed, repetition, failure_kind, substr(failure_detail, 1, 200) AS detail,
+SELECT = f"""
+SELECT problem, planner, seed, repetition, failure_kind, substr(failure_detail, 1, {WORDS}) AS detail,
     witness IS NOT NULL AS seen
 FROM runs WHERE failure_kind IS NOT NULL ORDER BY problem, planner, seed, repetition
 """
@@ -76,8 +76,7 @@ def reasons(store: Store) -> list[Reason]:
 
 def alike(detail: str) -> str:
     """Return the part of a detail common to runs: its first line without quoted names and numbers."""
-    line = detail[:WORDS].split("\n", 1)[0]
-    return _VARIABLE.sub("…", line).strip()
+    return _VARIABLE.sub("…", detail.split("\n", 1)[0]).strip()
 
 
 def _various(runs: list[Failed]) -> tuple[Failed, ...]:

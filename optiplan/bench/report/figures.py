@@ -14,7 +14,6 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.bench.report.analysis import Analysis
-from optiplan.bench.results.arrays import Runs
 from optiplan.bench.results.measures import RunMeasure
 from optiplan.bench.statistics.intervals_and_tests import share_within
 from optiplan.figure_style import COLOURS, INK, LINE, element_of, line_of, line_style, sheet, styled, undated
@@ -180,7 +179,7 @@ def _quality(analysis: Analysis, ax: Any) -> None:
 
 
 def _measure(measure: RunMeasure, analysis: Analysis, ax: Any) -> None:
-    _boxes(analysis, ax, lambda _: measure.values)
+    _boxes(analysis, ax, measure.values)
     values = measure.values[analysis.runs.verified]
     values = values[np.isfinite(values)]
     if len(values) and values.min() > 0.0 and values.max() > 30.0 * values.min():
@@ -188,10 +187,11 @@ def _measure(measure: RunMeasure, analysis: Analysis, ax: Any) -> None:
     ax.set_xlabel(measure.title)
 
 
-def _boxes(analysis: Analysis, ax: Any, values: Callable[[Runs], Array]) -> None:
+def _boxes(analysis: Analysis, ax: Any, values: Array) -> None:
+    """A row a planner: median, middle half, 5th to 95th percentile of values (n,) over its verified runs."""
     runs = analysis.runs
     for k in range(len(analysis.planners)):
-        mine = values(runs)[(runs.planner == k) & runs.verified]
+        mine = values[(runs.planner == k) & runs.verified]
         mine = mine[np.isfinite(mine)]
         if len(mine) == 0:
             continue
@@ -203,14 +203,14 @@ def _boxes(analysis: Analysis, ax: Any, values: Callable[[Runs], Array]) -> None
 
 
 def _ratios(analysis: Analysis, ax: Any) -> None:
-    _boxes(analysis, ax, lambda runs: runs.ratio)
+    _boxes(analysis, ax, analysis.runs.ratio)
     _plain_log(ax)
     ax.axvline(1.0, color=INK, lw=0.8)
     ax.set_xlabel("duration / bound of the problem")
 
 
 def _times(analysis: Analysis, ax: Any) -> None:
-    _boxes(analysis, ax, lambda runs: runs.plan_time)
+    _boxes(analysis, ax, analysis.runs.plan_time)
     _plain_log(ax)
     ax.set_xlabel("planning time, s")
 

@@ -17,6 +17,7 @@ from optiplan.bench.results.database import Store
 from optiplan.bench.results.growth import place_of
 from optiplan.bench.results.records import Key
 from optiplan.errors import OptiPlanError
+from optiplan.figure_style import COLOURS
 from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.planners.base import Progress
 from optiplan.problem.load import problem_from_dict
@@ -187,7 +188,7 @@ def _cell_html(store: Store, k: int, row: ProblemRow, j: int, label: str, addres
         f'<input type=checkbox class=pick aria-label="compare {name} on {html.escape(row.name)}" '
         f'data-run="{name}" data-actual="{actual}">'
     )
-    return f'<td data-column={j} class="cell {kind}" style="--path: var(--c{j % 7})">{pick}{opened}</td>'
+    return f'<td data-column={j} class="cell {kind}" style="--path: var(--c{j % len(COLOURS)})">{pick}{opened}</td>'
 
 
 def _picture(k: int, row: ProblemRow, drawn: str) -> str:

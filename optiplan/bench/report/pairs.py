@@ -11,10 +11,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.bench.results.arrays import Grid, Indices, Runs
-from optiplan.bench.statistics.intervals_and_tests import Interval, median_interval, sign_test, signed_rank_test
-
-TIE = 0.01
-"""Ratios within 1 % of one are ties."""
+from optiplan.bench.statistics.intervals_and_tests import TIE, Interval, median_interval, sign_test, signed_rank_test
 
 
 class Paired(NamedTuple):

@@ -56,7 +56,7 @@ class Runs:
         plan_time: (n,), s; nan where it is not known.
         plan_cpu: (n,), s, processor time of planning alone; nan where it is not known.
         duration: (n,), s; nan without a motion.
-        ratio: (n,), duration / the bound of the problem, one for all its runs (`store.VIEW`); nan without either.
+        ratio: (n,), duration / the bound of the problem, one for all its runs (`tables.VIEW`); nan without either.
         cut_short: (n,), the clock ended some of the work.
         kind: (n,), of the failure; empty where there is none.
     """

@@ -53,7 +53,7 @@ class StoreError(OptiPlanError):
 class Store:
     """Open results of one suite; use as a context manager.
 
-    One process at a time may write (`for_writing`), any number may read.
+    One process at a time may write (`write`), any number may read.
     """
 
     def __init__(self, folder: Path, *, write: bool = False) -> None:
@@ -166,10 +166,10 @@ class Store:
         with self._translated_errors():
             return self._db.execute(sql, values).fetchall()
 
-    def batches(self, sql: str, values: tuple[Any, ...] = ()) -> Iterator[list[sqlite3.Row]]:
+    def batches(self, sql: str) -> Iterator[list[sqlite3.Row]]:
         """The rows of any SELECT as of now, some at a time: memory does not grow with the results."""
         with self._translated_errors():
-            cursor = self._db.execute(sql, values)
+            cursor = self._db.execute(sql)
             while rows := cursor.fetchmany(BATCH):
                 yield rows
 

@@ -1,10 +1,10 @@
 """Import of foreign results: times as their authors report, trajectories verified here.
 
 The file is JSON: `{set: [entry, …]}` as robometrics has it, or `[entry, …]`. An entry is matched by its `problem`, the
-id that we use, and its `seed` (0 without one). It may have the fields of `foreign.py`, and a `trajectory`: samples
-`{"t": [s, …], "q": [[rad, …], …]}`, with `v`, `a` and `joint_names` if there are, or the path of a JSON or CSV file of
-them, relative to the results. What has a trajectory is verified here, and its duration is that of the trajectory; what
-has none counts as planned and timed, never as verified.
+id that we use, and its `seed` (0 without one). It may have the fields of `export.write_metrics`, and a `trajectory`:
+samples `{"t": [s, …], "q": [[rad, …], …]}`, with `v`, `a` and `joint_names` if there are, or the path of a JSON or CSV
+file of them, relative to the results. What has a trajectory is verified here, and its duration is that of the
+trajectory; what has none counts as planned and timed, never as verified.
 """
 
 import json

@@ -1,5 +1,6 @@
 """Counts, shares and medians of a suite's runs, by planner."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from optiplan.bench.results.arrays import load_runs
 from optiplan.bench.results.best_known import Standing
 from optiplan.bench.results.database import Store
+from optiplan.bench.statistics.intervals_and_tests import median_of_known
 
 FAILURES = "SELECT failure_kind, count(*) AS runs FROM runs WHERE failure_kind IS NOT NULL GROUP BY 1 ORDER BY 2 DESC"
 
@@ -31,9 +33,8 @@ def planner_numbers(store: Store, standing: Standing | None = None) -> dict[str,
         for name in ("planned", "timed", "verified"):
             numbers[name] = float(getattr(runs, name)[mine].mean())
         for name in ("plan_time", "plan_cpu", "ratio"):
-            known = getattr(runs, name)[mine & runs.verified]
-            known = known[np.isfinite(known)]
-            numbers[name] = float(np.median(known)) if len(known) else None
+            median = median_of_known(getattr(runs, name)[mine & runs.verified])
+            numbers[name] = None if math.isnan(median) else median
         planners[label] = numbers
     if standing is not None:
         for label, numbers in planners.items():

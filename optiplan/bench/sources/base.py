@@ -4,7 +4,7 @@ A reader is a function `(Place) -> Iterator[Found]`. It yields problems in a fix
 raises `InputError` for a source that cannot be used; `Place` makes the issues, with the line in the suite file.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -104,6 +104,20 @@ class Place:
         if not path.is_file():
             raise self.refuse("robot", f"no file {path}", "a robot of `optiplan robots`, or the path of a robot.yaml")
         return str(path)
+
+    def chosen(self, sets: Mapping[str, Sequence[Item]]) -> Iterator[tuple[str, str, Item]]:
+        """Yield the problems of the sets that `sets` names, thinned: set, its name in the suite, problem.
+
+        Raises:
+            InputError: the source has no such set.
+        """
+        wanted = self.spec.sets or sorted(sets)
+        unknown = sorted(set(wanted) - sets.keys())
+        if unknown:
+            raise self.refuse("sets", f"unknown set '{unknown[0]}'", f"some of: {', '.join(sorted(sets))}")
+        for name in wanted:
+            shown = f"{self.spec.set}-{name}" if self.spec.set else name
+            yield from ((name, shown, item) for item in self.thinned(sets[name]))
 
     def thinned(self, items: Sequence[Item]) -> Sequence[Item]:
         """Keep every k-th problem of one set, then the first ones, as `every` and `first` say."""

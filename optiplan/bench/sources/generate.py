@@ -16,7 +16,17 @@ from optiplan.arrays import Array
 from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.sources.base import Found, Place
 from optiplan.bench.sources.room_scenes import Aisle, Clutter, Machine, Slot
-from optiplan.bench.sources.tabletop_scenes import Arm, Cage, DrawnScene, Generator, OpenBox, Shelf, Table, UnderTable
+from optiplan.bench.sources.tabletop_scenes import (
+    Arm,
+    Cage,
+    DrawnScene,
+    Generator,
+    OpenBox,
+    Shelf,
+    Table,
+    UnderTable,
+    rounded,
+)
 from optiplan.collision.model import CollisionModel
 from optiplan.config.messages import choices
 from optiplan.errors import InputError
@@ -147,7 +157,7 @@ def _problem(
         if q is not None and robot.n <= _ARM:
             return data
         if q is not None:  # with many joints another search might find no configuration
-            return data | {"goal": {"joints": _rounded(q)}}
+            return data | {"goal": {"joints": rounded(q)}}
     return None
 
 
@@ -164,7 +174,7 @@ def _start(
             continue
         q = _solved(blank | {"start": start, "goal": goal}, rng, robots)
         if q is not None:
-            return {"joints": _rounded(q)}
+            return {"joints": rounded(q)}
     return None
 
 
@@ -183,7 +193,3 @@ def _loaded(data: dict[str, Any], shelf: RobotCache) -> Problem | None:
         return problem_from_dict(data, robots=shelf)
     except InputError:
         return None
-
-
-def _rounded(q: Array) -> list[float]:
-    return [round(float(x), 6) for x in q]

@@ -25,22 +25,16 @@ def motion_bench_maker(place: Place) -> Iterator[Found]:
         sets.setdefault(scene.parent.name, []).append((scene, request))
     if not sets:
         raise place.refuse("mbm", f"no scene*.yaml with request*.yaml below {root}", "a folder of MotionBenchMaker")
-    unknown = sorted(set(place.spec.sets or ()) - sets.keys())
-    if unknown:
-        raise place.refuse("sets", f"unknown set '{unknown[0]}'", f"some of: {', '.join(sorted(sets))}")
     converter = _Converter(place.robot())
-    for name in place.spec.sets or sorted(sets):
-        for scene, request in place.thinned(sets[name]):
-            yield _found(place, converter, scene, request)
+    for _, set_name, (scene, request) in place.chosen(sets):
+        yield _found(place, converter, set_name, scene, request)
 
 
-def _found(place: Place, converter: "_Converter", scene: Path, request: Path) -> Found:
+def _found(place: Place, converter: "_Converter", set_name: str, scene: Path, request: Path) -> Found:
     try:
         data, meshes = converter.convert(scene, request)
     except CannotConvert as error:
         raise place.refuse("mbm", f"{request}: {error}", "problems that can be converted (choose others)") from error
-    folder = scene.parent.name
-    set_name = f"{place.spec.set}-{folder}" if place.spec.set else folder
     base = place.scratch / set_name
     for file, text in meshes.items():
         write_text(base / file, text)

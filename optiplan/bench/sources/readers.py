@@ -21,7 +21,11 @@ def read_source(place: Place) -> Iterator[Found]:
 
 
 def problem_files(place: Place) -> Iterator[Found]:
-    """Problem files that match the pattern, by name; the set is their folder unless one is given."""
+    """Problem files that match the pattern, by name; the set is their folder unless one is given.
+
+    Raises:
+        InputError: no file matches; or, after all others, what is wrong with those that cannot be read.
+    """
     pattern = Path(place.text("glob"))
     start = Path(pattern.anchor) if pattern.anchor else place.folder  # whose own name may hold a * or a [
     try:

@@ -1,9 +1,11 @@
 """Problems of robometrics files: sets by name, obstacles by kind, poses with the quaternion's w first."""
 
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from optiplan.bench.sources.base import Found, Place
+from optiplan.bench.suite.schema import SET_NAME
 from optiplan.config.document import Document, read_yaml
 from optiplan.errors import InputError, Issue
 
@@ -18,7 +20,8 @@ def robometrics_file(place: Place) -> Iterator[Found]:
     shipped `panda` unless the suite names one.
 
     Raises:
-        InputError: the file is of another form, or holds bodies of a kind other than cuboid, cylinder, sphere, capsule.
+        InputError: the file is of another form, has a set whose name no folder can have, or holds bodies of a kind
+            other than cuboid, cylinder, sphere, capsule.
     """
     path = place.path("robometrics")
     if not path.is_file():
@@ -27,21 +30,18 @@ def robometrics_file(place: Place) -> Iterator[Found]:
     sets = document.data
     if not isinstance(sets, Mapping) or not all(isinstance(items, list) for items in sets.values()):
         raise _refused(document, "the file", "sets of problems: {name: [problem, …]}")
-    unknown = sorted(set(place.spec.sets or ()) - sets.keys())
-    if unknown:
-        raise place.refuse("sets", f"unknown set '{unknown[0]}'", f"some of: {', '.join(sorted(sets))}")
+    for name in sets:
+        if not re.match(SET_NAME, name):
+            raise _refused(document, f"a set called '{name}'", "names without / and \\ that begin with no dot")
     robot = place.robot() or "panda"
-    for name in place.spec.sets or sorted(sets):
-        for index, item in place.thinned(list(enumerate(sets[name]))):
-            where = f"{name}[{index}]"
-            set_name = f"{place.spec.set}-{name}" if place.spec.set else name
-            origin = {"file": str(path.resolve()), "set": name, "index": index}
-            try:
-                data = _converted(item, robot)
-            except (AttributeError, KeyError, TypeError, ValueError) as error:
-                expected = "start, goal_pose and obstacles as robometrics writes them"
-                raise _refused(document, f"{where}: {type(error).__name__} {error}", expected) from None
-            yield Found(f"{index:04d}", set_name, data, path.resolve().parent, origin)
+    for name, set_name, (index, item) in place.chosen({k: list(enumerate(items)) for k, items in sets.items()}):
+        try:
+            data = _converted(item, robot)
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            expected = "start, goal_pose and obstacles as robometrics writes them"
+            raise _refused(document, f"{name}[{index}]: {type(error).__name__} {error}", expected) from None
+        origin = {"file": str(path.resolve()), "set": name, "index": index}
+        yield Found(f"{index:04d}", set_name, data, path.resolve().parent, origin)
 
 
 def _refused(document: Document, found: str, expected: str) -> InputError:

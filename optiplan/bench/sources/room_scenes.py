@@ -1,4 +1,4 @@
-"""More generators of scenes, as described in `scenes.py`: walls, clutter, machines, aisles."""
+"""More generators of scenes, as described in `tabletop_scenes.py`: walls, clutter, machines, aisles."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -20,6 +20,7 @@ from optiplan.bench.sources.tabletop_scenes import (
     enclosure,
     pillar,
     pointing,
+    rounded,
 )
 from optiplan.geometry.poses import pose_to_data
 
@@ -73,7 +74,7 @@ class Clutter:
             return box(name, size, center) | {"pose": pose_to_data(turned)}
         if kind == 1:
             sphere = {"sphere": round(float(size[0]) / 2.0, 6)}
-            return {"name": name, "shape": sphere, "pose": {"position": [round(float(x), 6) for x in center]}}
+            return {"name": name, "shape": sphere, "pose": {"position": rounded(center)}}
         return pillar(name, float(size[0]) / 3.0, float(size[1]) * 1.5, center)
 
     def _point(self, rng: np.random.Generator, arm: Arm, near: float, far: float) -> Array:

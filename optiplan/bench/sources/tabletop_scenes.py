@@ -57,13 +57,13 @@ class Generator(Protocol):
 
 def box(name: str, size: Array, center: Array) -> Obstacle:
     """A box of `size` (3,) m about `center` (3,) m."""
-    return {"name": name, "shape": {"box": _list(size)}, "pose": {"position": _list(center)}}
+    return {"name": name, "shape": {"box": rounded(size)}, "pose": {"position": rounded(center)}}
 
 
 def pillar(name: str, radius: float, length: float, center: Array) -> Obstacle:
     """An upright cylinder, m."""
     shape = {"cylinder": {"radius": round(radius, 6), "length": round(length, 6)}}
-    return {"name": name, "shape": shape, "pose": {"position": _list(center)}}
+    return {"name": name, "shape": shape, "pose": {"position": rounded(center)}}
 
 
 def enclosure(name: str, foot: tuple[float, float, float], sides: tuple[float, float], arm: Arm) -> list[Obstacle]:
@@ -88,7 +88,8 @@ def pointing(position: Array, approach: Array, roll: float) -> pin.SE3:
     return pin.SE3(R @ pin.exp3(np.array([0.0, 0.0, roll])), position)
 
 
-def _list(values: Array) -> list[float]:
+def rounded(values: Array) -> list[float]:
+    """Return numbers of a problem file, to 1e-6 m or rad."""
     return [round(float(x), 6) for x in values]
 
 

@@ -27,11 +27,10 @@ from optiplan.bench.results.arrays import Indices, Runs, load_runs
 from optiplan.bench.results.database import Store
 from optiplan.bench.results.imported import CLAIMED
 from optiplan.bench.results.records import Key
-from optiplan.bench.statistics.intervals_and_tests import Interval, holm, sign_test
+from optiplan.bench.statistics.intervals_and_tests import ALPHA, Interval, holm, sign_test
 from optiplan.bench.suite.suite import code_differences, suite_differences
 from optiplan.config.messages import some
 
-ALPHA = 0.05
 THRESHOLDS = {"success": 1.0, "planning time": 1.20, "duration": 1.02}
 """Median ratios up to which a change does not matter, however sure it is."""
 

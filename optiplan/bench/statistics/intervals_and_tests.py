@@ -22,6 +22,11 @@ SHARE_RESAMPLES = 10_000
 FEWEST = 5
 """Problems without which an interval is not given: so few say nothing about the others."""
 
+ALPHA = 0.05
+"""Probability by chance below which a difference counts, after Holm's correction."""
+TIE = 0.01
+"""Costs within 1 % of each other are the same."""
+
 _BLOCK = 100_000  # numbers at a time: they stay in the processor's cache
 
 
@@ -179,6 +184,12 @@ def holm(p: Sequence[float]) -> list[float]:
         worst = max(worst, min(1.0, (len(p) - place) * p[index]))
         corrected[index] = worst
     return corrected
+
+
+def median_of_known(values: Array) -> float:
+    """Return the median of what is finite among values (n,); nan without any."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else math.nan
 
 
 def share_within(costs: Array, tries: int) -> tuple[Array, Array]:

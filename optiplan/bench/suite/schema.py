@@ -25,7 +25,9 @@ VARIABLE = re.compile(r"\$\{(?P<name>[A-Za-z_][A-Za-z0-9_]*)(?::-(?P<default>[^}
 
 Positive = Annotated[Number, Field(gt=0.0)]
 Count = Annotated[Whole, Field(ge=1)]
-SetName = Annotated[Name, Field(pattern=r"^[^./\\][^/\\]*$")]  # folders are called so
+SET_NAME = r"^[^./\\][^/\\]*$"
+"""Of the name of a set: folders are called so."""
+SetName = Annotated[Name, Field(pattern=SET_NAME)]
 Seed = Annotated[Whole, Field(ge=0, lt=2**31)]
 Item = TypeVar("Item")
 

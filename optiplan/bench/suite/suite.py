@@ -234,11 +234,12 @@ def _labelled(
 ) -> tuple[BenchProblem, ...]:
     """The problems with the labels of the suite's own table, which goes before those of the sources."""
     labels: dict[str, str] = {}
+    complete = not issues  # else labels may be of problems that could not be read
     for label, names in spec.difficulty.items():
         for index, name in enumerate(names):
             if name in found and name not in labels:
                 labels[name] = label
-            elif not issues:
+            elif complete:
                 what = f"'{name}' a second time" if name in labels else f"'{name}', which no source gives"
                 issues.append(document.issue(("difficulty", label, index), what, "ids of problems, each once"))
     return tuple(replace(problem, difficulty=labels.get(id_, problem.difficulty)) for id_, problem in found.items())

@@ -120,7 +120,7 @@ class ClearanceLimit(StopLimit):
         for k in [k for k, count in enumerate(near) if count == SAMPLES and not by_itself[k]]:
             most = float(found.distance[found.pairs == k].max())
             if most <= 0.0:
-                a, b = self.model.pairs[k].name_a, self.model.pairs[k].name_b
+                a, b = self.bodies(k)
                 touch = f"'{a}' and '{b}' that touch in every configuration of {robot.name}"
                 raise wrong_argument(
                     "ClearanceLimit", "scene", touch, "bodies that can be apart, or an allowed contact"
@@ -243,6 +243,10 @@ class ClearanceLimit(StopLimit):
         least, own = np.full(len(times), np.inf), self.moving[found.pairs]
         np.minimum.at(least, found.rows[own], found.distance[own])
         return least
+
+    def bodies(self, k: int) -> tuple[str, str]:
+        """See `StopLimit.bodies`."""
+        return self.model.pairs[k].name_a, self.model.pairs[k].name_b
 
     def distances(self, c: Configuration, which: Index) -> Array:
         """Distances, m, negative where bodies overlap; meshes that overlap are measured by their hulls."""

@@ -105,6 +105,10 @@ class StopLimit(ControlLimit):
         self.still = True
         self.comes_in = np.full(len(self.labels), self.influence)
 
+    def bodies(self, k: int) -> tuple[str, str]:
+        """The two bodies of distance k; of one that is not between bodies its label, and nothing."""
+        return self.labels[k], ""
+
     def distances(self, c: Configuration, which: Index) -> Array:
         """Distances (K,), m, at a configuration."""
         raise NotImplementedError

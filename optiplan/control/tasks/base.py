@@ -22,7 +22,8 @@ class ControlTask(ABC):
     """An error e(q), k numbers, that is to vanish at the rate `gain`.
 
     At the level of velocities the controller asks J v = e_rate with e_rate = -gain · e + (feed-forward), at the level
-    of accelerations J a + J̇ v = -gain² e - 2 gain (J v - feed-forward) + (its rate); the weight of each row is `cost`.
+    of accelerations J a + J̇ v = 4 max(gain, 1) (e_rate - J v) - gain (J v - feed-forward) + (its rate); the weight of
+    each row is `cost`.
 
     Args:
         cost: weight of each of the k rows, or one for all, per unit of the error.

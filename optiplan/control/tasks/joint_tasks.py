@@ -1,6 +1,6 @@
 """Tasks of the joints themselves: posture, damping, coupling, and the motion of a mobile base."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -140,6 +140,9 @@ class JointCouplingTask(ControlTask):
         cost: per unit, one or (k,).
         gain: 1/s.
         priority: see `ControlTask`.
+
+    Raises:
+        InputError: A is no finite matrix (k, n), in the controller one of other joints; or b has another size.
     """
 
     name: ClassVar[str] = "joint coupling"
@@ -147,7 +150,7 @@ class JointCouplingTask(ControlTask):
     def __init__(self, A: object, b: object = 0.0, cost: Weight = 1.0, gain: float = 10.0, priority: int = 0) -> None:
         try:
             matrix = np.atleast_2d(np.asarray(A, dtype=np.float64))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise wrong_argument("JointCouplingTask", "A", described(A), "a matrix (k, n)") from None
         if matrix.ndim != 2 or not np.isfinite(matrix).all():
             raise wrong_argument("JointCouplingTask", "A", described(A), "a finite matrix (k, n)")
@@ -226,11 +229,12 @@ class BaseMotionTask(ControlTask):
         if names is None:
             expected = "names of the joints along x, y and about z, for a robot whose file names no wheels"
             raise wrong_argument("BaseMotionTask", "joints", "None", expected)
-        unknown = [name for name in names if name not in robot.joint_names]
-        if unknown or len(names) != 3:
+        given = list(names) if isinstance(names, Iterable) else []
+        known = {name for name in given if isinstance(name, str) and name in robot.joint_names}
+        if not len(known) == len(given) == 3:
             expected = f"three of: {', '.join(robot.joint_names)}"
-            raise wrong_argument("BaseMotionTask", "joints", f"{list(names)}", expected)
-        self._columns = [robot.joint_names.index(name) for name in names]
+            raise wrong_argument("BaseMotionTask", "joints", described(names), expected)
+        self._columns = [robot.joint_names.index(name) for name in given]
         self._J = np.zeros((3, robot.n))
         self._J[[0, 1, 2], self._columns] = 1.0
         limits = robot.limits

@@ -58,6 +58,16 @@ RESERVES = (0.0, 0.02, 0.1)
 """Shares of the torque limits that searches leave to the proof, tried in this order."""
 
 
+def rests(law: "TimeLaw", time: float) -> bool:
+    """Return whether a law has come to rest by a time, s, and stays there."""
+    return law.target == 0.0 and law.settled <= time
+
+
+def resting_place(law: "TimeLaw", now: float) -> float:
+    """Return the place, s of the path, in which a law that goes on from `now` comes to rest; inf where it does not."""
+    return law.at(max(law.settled, now))[0] if law.target == 0.0 else np.inf
+
+
 class PathPlace(NamedTuple):
     """Place on a path, speed and acceleration of the law there: s, s' and s''."""
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from optiplan.cores import WHY_DEAD, OneThreadContext
 from optiplan.errors import OptiPlanError, named_reason, wrong_argument
 from optiplan.execution.paths.next_path import NextPath
+from optiplan.execution.paths.path_laws import rests
 from optiplan.execution.paths.proved_path import ProvedPath
 from optiplan.execution.scene.planning_worker import (
     MARGIN,
@@ -161,10 +162,10 @@ class PlanningProcess:
         if self._asked is not None or self._heard != self._first:
             return
         latency = self._policy.latency
-        then, rests = now + latency, law.target == 0.0 and law.settled <= now + latency
+        then = now + latency
         self._last += 1
         margin = MARGIN + self._watch.margin + scene.spread * self._duration
-        seconds = BUDGET_AT_REST if rests else IN_TIME * latency
+        seconds = BUDGET_AT_REST if rests(law, then) else IN_TIME * latency
         apart = None
         if self._watch.margin > self._watch.asked:
             apart = SafePairs(("*",), scene.names, self._watch.margin + ROOM)
@@ -181,8 +182,8 @@ class PlanningProcess:
             self._asked = None
         if found.path is None or found.law is not law:
             return None
-        rests = law.target == 0.0 and law.settled <= now and found.path.starts_at_rest
-        then = max(found.then, now) if rests else found.then
+        late = rests(law, now) and found.path.starts_at_rest
+        then = max(found.then, now) if late else found.then
         return None if then < now else NextPath(then, found.path, found.watch, found.number)
 
     def close(self) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from optiplan.arrays import number_argument
 from optiplan.errors import choice_argument, described, wrong_argument
-from optiplan.execution.paths.path_laws import PathLaws, PathPlace
+from optiplan.execution.paths.path_laws import PathLaws, PathPlace, rests
 from optiplan.execution.scene.separation import Separation
 from optiplan.problem.problem import Problem
 
@@ -123,8 +123,7 @@ class Policy:
                 first = middle + 1
         if found is not None:
             return found
-        stands = law.target == 0.0 and law.settled <= now
-        return None if stands else laws.change(place, now, 0.0)
+        return None if rests(law, now) else laws.change(place, now, 0.0)
 
 
 WAIT = Policy("wait", linger=0.0)

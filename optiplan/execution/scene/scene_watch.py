@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.collision.native_model import NativeCollisionModel, standing_body
+from optiplan.execution.paths.path_laws import resting_place
 from optiplan.execution.paths.proved_path import PathStretch, ProvedPath
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shape import Shape
@@ -110,7 +111,7 @@ class SceneWatch:
         if not seen:
             return None
         parts = self._parts(stretch)
-        rest = law.at(max(law.settled, now))[0] if law.target == 0.0 else np.inf
+        rest = resting_place(law, now)
         for part in parts:
             last = part.begin <= rest and (rest <= part.end or part is parts[-1])
             found = part.blocked(law, now, seen, max(self.margin, self.asked) + spare, self._linger if last else 0.0)
@@ -146,7 +147,7 @@ class SceneWatch:
         The first body of the pair is the obstacle. None where the slack exceeds `most`, m, everywhere.
         """
         least, here = None, law.at(now)[0]
-        rest = law.at(max(law.settled, now))[0] if law.target == 0.0 else np.inf
+        rest = resting_place(law, now)
         for part in self._parts(stretch) if seen else ():
             if part.begin > rest or part.end < here:
                 continue

@@ -24,6 +24,7 @@ import numpy as np
 from optiplan._core import core
 from optiplan.arrays import number_argument
 from optiplan.errors import described, wrong_argument
+from optiplan.execution.paths.path_laws import rests
 from optiplan.execution.paths.proved_path import PathStretch, ProvedPath
 from optiplan.execution.scene.scene_watch import SceneWatch, SeenObstacle
 from optiplan.execution.status import KeptSeparation
@@ -165,7 +166,7 @@ class SeparationMonitor:
         chosen = self._fastest(stretch, law, now, wanted) if wanted > 0.0 else None
         self._late = False
         if chosen is None:
-            stop = law if _stands(law, now) else stretch.laws.change_along(law, now, 0.0) or law
+            stop = law if rests(law, now) else stretch.laws.change_along(law, now, 0.0) or law
             if wanted > 0.0 and not self.clear(stretch, stop, now) and self.clear(stretch, law, now):
                 stop = law  # it goes on a little before it stops, which was proved
             else:
@@ -223,7 +224,7 @@ class SeparationMonitor:
 
     def clear(self, stretch: PathStretch, law: "TimeLaw", now: float) -> bool:
         """Whether a law keeps the separation from now until the robot stands still."""
-        if _stands(law, now):
+        if rests(law, now):
             return True
         known = all(name in self._measured for name in self.rule.people)
         return known and self._watch.nearest(stretch, law, now, self.seen, self.rule.margin, 0.0) is None
@@ -236,11 +237,6 @@ class SeparationMonitor:
         if near is None:
             return None
         left = None
-        if not _stands(law, now):
+        if not rests(law, now):
             left = self._watch.nearest(stretch, law, now, self.seen, self.rule.margin, FAR)
         return KeptSeparation(near.slack, 0.0 if left is None else near.slack - left.slack, near.pair, allowed)
-
-
-def _stands(law: "TimeLaw", now: float) -> bool:
-    """Whether the robot stands still from now on."""
-    return law.target == 0.0 and now >= law.settled

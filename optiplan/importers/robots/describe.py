@@ -1,5 +1,6 @@
 """The robot of a file or folder, whatever program it is of."""
 
+import os
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -21,7 +22,7 @@ def describe(path: Path) -> Description:
         InputError: none of these, or one that cannot be used.
         OptiPlanError: a package that is needed for it is not installed; the message says which.
     """
-    if path.is_dir():
+    if os.path.isdir(path):  # which raises nothing, however long the name is
         from optiplan.importers.robots.moveit_config import describe_moveit
 
         return describe_moveit(path)

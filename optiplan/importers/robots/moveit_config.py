@@ -146,7 +146,7 @@ def _yaml(path: Path) -> dict[str, Any]:
         return {}
     try:
         data = YAML(typ="safe", pure=True).load(read_bytes(path))
-    except (YAMLError, OSError, UnicodeDecodeError) as error:
+    except (YAMLError, OSError, ValueError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         line = None if mark is None else int(mark.line) + 1
         found = " ".join(str(error).split())

@@ -1,4 +1,6 @@
-"""Polyhedra around round bodies, and triangles as STL."""
+"""Polyhedra around round bodies, and triangles as files, STL and OBJ."""
+
+from collections.abc import Collection
 
 import numpy as np
 
@@ -15,6 +17,20 @@ def stl_bytes(vertices: Array, triangles: Triangles) -> bytes:
     rows = np.zeros(len(triangles), record)
     rows["corners"] = vertices[triangles]
     return bytes(80) + len(triangles).to_bytes(4, "little") + rows.tobytes()
+
+
+def obj_text(vertices: Array, triangles: Triangles) -> str:
+    """An OBJ of vertices (k, 3), m, to the last digit, and triangles (m, 3)."""
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()]
+    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in triangles.tolist()]
+    return "\n".join(lines) + "\n"
+
+
+def mesh_file(name: str, form: str, taken: Collection[str]) -> str:
+    """The path of a mesh, `form` with the name of its body for `{}`, numbered where another mesh has it."""
+    plain = "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
+    numbered = (form.format(f"{plain}{k or ''}") for k in range(len(taken) + 1))
+    return next(file for file in numbered if file not in taken)
 
 
 def ellipsoid_hull(a: float, b: float, c: float) -> tuple[Array, Triangles]:

@@ -1,7 +1,7 @@
 """Groups, end effectors and passive joints of an SRDF, as the groups and tool frames of a robot.yaml."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -130,8 +130,8 @@ class _Reader:
             if self.root.find(tag) is not None:
                 self.found.notes.append(f"left out: <{tag}> of {self.path.name}")
 
-    def _known(self, name: str, known: object, kind: str, also: Sequence[str] = ()) -> None:
-        names = [str(one) for one in (*known, *also)]  # type: ignore[misc]  # an iterable of names
+    def _known(self, name: str, known: Iterable[str], kind: str, also: Sequence[str] = ()) -> None:
+        names = [*known, *also]
         if name not in names:
             raise self._issue(f"unknown {kind} '{name}'", choices(name, sorted(names)), name)
 

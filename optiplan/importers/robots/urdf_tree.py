@@ -9,7 +9,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.config.messages import some
 from optiplan.geometry.meshes.triangles import Triangles
-from optiplan.importers.robots.polyhedra import stl_bytes
+from optiplan.importers.robots.polyhedra import mesh_file, stl_bytes
 from optiplan.robot.urdf.elements import mark_capsule, number_words, origin_element, xml_text
 
 FAR = 100.0
@@ -78,10 +78,7 @@ class MeshFiles:
     def element(self, key: Hashable, name: str, vertices: Array, triangles: Triangles) -> ET.Element:
         """The <mesh> of vertices (k, 3), m, and triangles (m, 3); a key that was met has its file already."""
         if key not in self._written:
-            plain = "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
-            taken = set(self._written.values())
-            file = next(f for k in range(len(taken) + 1) if (f := f"meshes/{plain}{k or ''}.stl") not in taken)
-            self._written[key] = file
+            self._written[key] = file = mesh_file(name, "meshes/{}.stl", self.files)
             self.files[file] = stl_bytes(vertices, triangles)
         return ET.Element("mesh", filename=self._written[key])
 

@@ -12,6 +12,7 @@ from optiplan.arrays import Array
 from optiplan.config.messages import some
 from optiplan.geometry.meshes.triangles import Triangles
 from optiplan.geometry.poses import pose_to_data
+from optiplan.importers.robots.polyhedra import mesh_file, obj_text
 from optiplan.problem.schema.scene import WORLD
 
 
@@ -61,10 +62,6 @@ class ImportedScene:
 
     def mesh(self, name: str, vertices: Array, triangles: Triangles) -> dict[str, Any]:
         """Keep a mesh as an OBJ file beside the problem file, and return the shape."""
-        plain = "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
-        numbered = (f"{plain}{k or ''}.obj" for k in range(len(self.files) + 1))
-        file = next(one for one in numbered if one not in self.files)
-        lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.asarray(vertices, float).tolist()]
-        lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in np.asarray(triangles, int).tolist()]
-        self.files[file] = ("\n".join(lines) + "\n").encode()
+        file = mesh_file(name, "{}.obj", self.files)
+        self.files[file] = obj_text(np.asarray(vertices, float), np.asarray(triangles, int)).encode()
         return {"mesh": {"file": file}}

@@ -90,7 +90,7 @@ def _shape(lines: "_Lines", kind: str, name: str, X_WO: pin.SE3, scene: Imported
 def _sizes(lines: "_Lines", kind: str, name: str) -> Sequence[float]:
     size = lines.numbers(_SIZES[kind], f"the sizes of a {kind}")
     found = f"{' '.join(f'{x:g}' for x in size)} of {name}"
-    if kind == "plane" and not any(size[:3]):
+    if kind == "plane" and np.dot(size[:3], size[:3]) == 0.0:
         raise lines.issue(f"the plane {found}", "a normal that is not 0 0 0")
     if kind != "plane" and min(size) <= 0.0:
         raise lines.issue(f"the sizes {found}, a {kind}", "numbers > 0, m")

@@ -39,9 +39,9 @@ def read_sdf_scene(path: Path) -> ImportedScene:
         _read_models(parent, _Frames(parent, pin.SE3.Identity(), _Place(path, "", 0)), scene)
     if len(worlds) > 1:
         scene.notes.append(f"{len(worlds)} worlds lie in one scene")
-    for tag in ("actor", "light", "plugin", "population", "road"):
+    for tag in ("actor", "population", "road"):
         count = len(list(root.iter(tag)))
-        if count and tag not in ("light", "plugin"):
+        if count:
             scene.notes.append(f"left out: {count} <{tag}>")
     if root.find("world/state") is not None:
         scene.notes.append("left out: <state>; models stand where their own <pose> puts them")

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from optiplan.importers.robots.usd.joints import read_joints
 from optiplan.importers.robots.usd.shapes import NOT_READ, SHAPES, UsdShape, gprims, shape_of
-from optiplan.importers.robots.usd.stage import UsdStage
+from optiplan.importers.robots.usd.stage import UsdStage, opened_stage
 from optiplan.importers.robots.usd.tree import rigid_bodies, robots
 from optiplan.importers.scenes.imported import ImportedScene
 
@@ -22,8 +22,14 @@ def read_usd_scene(path: Path) -> ImportedScene:
         InputError: no USD, or a collider that cannot be used, with its prim.
         OptiPlanError: the package `usd-core` is not installed.
     """
-    stage = UsdStage(path)
     scene = ImportedScene(path)
+    with opened_stage(path) as stage:
+        _read(stage, scene)
+    return scene
+
+
+def _read(stage: UsdStage, scene: ImportedScene) -> None:
+    """Add what stands still or lies loose."""
     bodies = rigid_bodies(stage)
     places = {path: stage.placed(prim).pose() for path, prim in bodies.items()}
     moving = {body for group in robots(read_joints(stage, places), places) for body in group}
@@ -38,7 +44,6 @@ def read_usd_scene(path: Path) -> ImportedScene:
     for prim in solid:
         _add(stage, prim, scene)
     scene.note_bodies(sorted(moving), sorted(bodies.keys() - moving))
-    return scene
 
 
 def _add(stage: UsdStage, prim: Any, scene: ImportedScene) -> None:

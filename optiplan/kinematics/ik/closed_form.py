@@ -1,6 +1,6 @@
 """Inverse kinematics in closed form: all branches, up to eight, of many poses at once.
 
-The branches are shoulder x elbow x wrist. With the wrist point (c, in the arm frame A of `arm_geometry`):
+The branches are shoulder x elbow x wrist. With the wrist point (c, in the arm frame A of `arm_recognition`):
 
     rho^2 = c_x^2 + c_y^2;  r = ± sqrt(rho^2 - lateral^2);  q1 = atan2(c_y, c_x) - atan2(lateral, r)
     D = exp(i q2) (upper + exp(i q3) fore);  cos beta = (|D|^2 - |upper|^2 - |fore|^2) / (2 |upper| |fore|)

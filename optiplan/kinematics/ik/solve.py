@@ -12,10 +12,10 @@ from optiplan.geometry.poses import pose_error
 from optiplan.kinematics.ik.closed_form import Solutions, closed_form
 from optiplan.kinematics.ik.joint_wraps import apart, images, whole_turns
 from optiplan.kinematics.ik.numeric import IkOptions, IkResult, joints_that_move, random_seeds, solve_ik
+from optiplan.kinematics.singularities import NAMES
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
 
-MEASURES = ("shoulder", "elbow", "wrist")
 _BRANCH_TOLERANCE = 1e-7
 """rad; branches that differ by less have merged."""
 
@@ -124,7 +124,7 @@ def _branches(robot: Robot, near: Array, all_of: Solutions) -> list[Solution]:
             continue
         position, angle = all_of.error[0, k]
         solution = _solution(robot, q, near, all_of.branches[k], (float(position), float(angle)))
-        names = tuple(name for name, yes in zip(MEASURES, all_of.singular[0, k], strict=True) if yes)
+        names = tuple(name for name, yes in zip(NAMES, all_of.singular[0, k], strict=True) if yes)
         result.append(replace(solution, singular=names))
     return result
 

@@ -172,7 +172,7 @@ def check_limits(joint: str | None, limits: list[float] | None, name: str | None
     """Refuse limits that a joint of this kind cannot have.
 
     Raises:
-        ValueError: in the words of `yaml_words`.
+        ValueError: in words of the form `found …; expected …`, which `config.messages` takes apart.
     """
     if joint is None and (limits is not None or name is not None):
         raise ValueError("found limits or joint_name without a joint; expected joint: revolute or prismatic")

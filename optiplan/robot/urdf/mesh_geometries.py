@@ -45,7 +45,7 @@ def read_bodies(model: pin.Model, xml: str, kind: pin.GeometryType) -> UrdfBodie
     """Return the collision or visual bodies of a URDF whose meshes are absolute paths.
 
     Raises:
-        ValueError: a mesh that cannot be read (`mesh_formats.MeshError`), or what pinocchio says.
+        ValueError: a mesh that cannot be read (`triangles.MeshError`), or what pinocchio says.
         RuntimeError: what pinocchio says.
     """
     root = ET.fromstring(xml)

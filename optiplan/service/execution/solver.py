@@ -1,6 +1,6 @@
 """Process of a slot: reads problems, plans, makes pages; one request at a time, from a pipe.
 
-Its arguments are those of `bench.execution.worker`. A request is a JSON object with `do`, a name of `TASKS`; the answer
+Its arguments are those of `bench.execution.worker`. A request is a JSON object with `do`, a name of `tasks`; the answer
 is a message with `phase: done`, its files behind it in one piece.
 """
 

@@ -1,5 +1,6 @@
 """Read a control file: its problem, checked as problems are, and what its other parts say of that robot."""
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -96,12 +97,12 @@ def find_control(name: str) -> Path:
         InputError: no such file, with the examples.
     """
     path = Path(name)
-    if path.is_file():
+    if os.path.isfile(path):  # which raises nothing, however long the name is
         return path
     examples = {example.stem: example for example in sorted(control_dir().glob("*.yaml"))}
     if path.parent in (Path(), Path("control")) and path.suffix in ("", ".yaml") and path.stem in examples:
         return examples[path.stem]
-    found = "is a folder" if path.is_dir() else "no such file" if name else "an empty name"
+    found = "is a folder" if os.path.isdir(path) else "no such file" if name else "an empty name"
     expected = f"a control file, or an example, {choices(path.stem, list(examples))}"
     raise InputError([Issue(name or "''", None, "file", found, expected)])
 

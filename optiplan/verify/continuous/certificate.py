@@ -170,7 +170,7 @@ class _Search(SearchState):
             chosen, items = nothing, coarse.members(nothing)
         left = coarse.near & ~chosen
         self.lower_clearance(coarse.margin[left], coarse.pairs[np.nonzero(left)[1]])
-        self.record_blocks(coarse.near & ~chosen)
+        self.record_blocks(left)
         return items
 
     def work_off(self, items: Intervals) -> None:

@@ -79,7 +79,7 @@ def draw_front(result: DesignResult) -> Any:
             continue
         _draw_pair(panel, result, pairs[k], k)
         x, y = pairs[k]
-        panel.set(xlabel=_labelled(x, units), ylabel=_labelled(y, units))
+        panel.set(xlabel=_labelled(x, units.get(x, "")), ylabel=_labelled(y, units.get(y, "")))
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
     return figure
@@ -110,8 +110,7 @@ def _points(result: DesignResult, designs: list[Design], pair: tuple[str, str]) 
     return np.where(np.isfinite(found), found, np.nan)
 
 
-def _labelled(name: str, units: dict[str, str]) -> str:
-    unit = units.get(name, "")
+def _labelled(name: str, unit: str) -> str:
     return name.replace("_", " ") + (f", {unit}" if unit not in ("", "1") else "")
 
 
@@ -145,16 +144,11 @@ def design_page(result: DesignResult) -> str:
         title=html.escape(title),
         summary=html.escape(result.words),
         figure=figure,
-        head="".join(f"<th><button>{html.escape(_labelled(*column))}</button>" for column in _headings(result))
+        head="".join(f"<th><button>{html.escape(_labelled(*column))}</button>" for column in result.columns)
         + "<th>chosen as",
         rows="\n".join(rows),
         proofs=_proof_rows(result),
     )
-
-
-def _headings(result: DesignResult) -> list[tuple[str, dict[str, str]]]:
-    units = dict(result.columns)
-    return [(name, units) for name in units]
 
 
 def _proof_rows(result: DesignResult) -> str:

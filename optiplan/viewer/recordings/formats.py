@@ -40,7 +40,7 @@ def mcap(recording: Recording) -> bytes:
         from foxglove import messages as fm
         from foxglove.channels import FrameTransformsChannel, JointStatesChannel, LogChannel, SceneUpdateChannel
     except ImportError as error:
-        raise _missing("foxglove-sdk", "recordings") from error
+        raise _missing("foxglove-sdk") from error
 
     context, file = foxglove.Context(), io.BytesIO()
     writer = foxglove.open_mcap(file, context=context)
@@ -124,7 +124,7 @@ def rrd(recording: Recording) -> bytes:
     try:
         import rerun as rr
     except ImportError as error:
-        raise _missing("rerun-sdk", "recordings") from error
+        raise _missing("rerun-sdk") from error
 
     stream = rr.RecordingStream("optiplan", recording_id=recording.name)
     memory = stream.memory_recording()
@@ -157,8 +157,8 @@ def _transform(rr: Any, pose: Array) -> Any:
     return rr.Transform3D(translation=pose[:3], quaternion=rr.Quaternion(xyzw=pose[3:]))
 
 
-def _missing(package: str, extra: str) -> OptiPlanError:
-    return OptiPlanError(f"this recording needs the package {package}: pip install 'optiplan[{extra}]'")
+def _missing(package: str) -> OptiPlanError:
+    return OptiPlanError(f"this recording needs the package {package}: pip install 'optiplan[recordings]'")
 
 
 FORMATS: dict[str, Callable[[Recording], bytes]] = {".mcap": mcap, ".rrd": rrd}

@@ -16,7 +16,6 @@ from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.problem.problem import Problem
 from optiplan.viewer.runs import Poses, ViewedRun
 from optiplan.viewer.scene import build_scene
-from optiplan.viewer.surfaces import Colour
 
 RATE = 60.0
 """Poses a second."""
@@ -113,13 +112,9 @@ def _body(
         surface = surfaces[part["geometry"]]
         vertices.append(surface.vertices @ own.rotation.T + own.translation)
         faces.append(np.asarray(surface.faces) + count)
-        colours.append(np.tile(_colour(part["colour"]), (len(surface.vertices), 1)))
+        colours.append(np.tile(part["colour"], (len(surface.vertices), 1)))
         count += len(surface.vertices)
     return RecordedBody(name, np.vstack(vertices), np.vstack(faces), np.vstack(colours), poses)
-
-
-def _colour(colour: Colour) -> Array:
-    return np.array([*colour[:3], colour[3] if len(colour) > 3 else 1.0])
 
 
 def _obstacle_poses(part: Mapping[str, Any], t: Array) -> Array:

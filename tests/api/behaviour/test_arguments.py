@@ -97,6 +97,20 @@ def test_an_argument_of_a_wrong_kind_is_named(name, argument):
     assert str(caught.value).startswith(f"op.{name}: {FIELD.get((name, argument), argument)}")
 
 
+@pytest.mark.parametrize(
+    ("name", "argument"),
+    [
+        *(("assign", "source"), ("bench", "suite"), ("design", "study"), ("import_scene", "source")),
+        *(("init_robot", "urdf"), ("load_problem", "source"), ("load_robot", "source"), ("load_run", "folder")),
+        *(("simulate", "source"), ("verify", "motion"), ("plan_batch", "problems")),
+    ],
+)
+def test_the_text_of_a_file_is_no_path_of_one(name, argument):
+    """It is longer than the name of a file can be."""
+    with pytest.raises(op.InputError):
+        getattr(op, name)(**(valid(name) | {argument: "version: 1\nrobot: panda\n" * 30}))
+
+
 @pytest.mark.parametrize(("name", "argument"), [("view", "block"), ("view", "port"), ("plot", "figure")])
 def test_functions_of_several_runs_do_so_too(name, argument):
     run = op.plan(op.load_problem("01_reach"), "quintic")

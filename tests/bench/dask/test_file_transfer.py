@@ -48,6 +48,19 @@ def test_what_arrives_is_whole_without_its_home(problems, robot_of_ours, tmp_pat
     assert there.start.tolist() == here.start.tolist()
 
 
+def test_a_cache_that_cannot_hold_a_bundle_is_told(problems, tmp_path, monkeypatch):
+    """Else the worker would ask for the bundle again, without end."""
+    packer = Packer()
+    (digest, *_) = lacking(packer.pack(problems[0])) | {*packer._bundles}
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "elsewhere"))
+    folder = file_transfer._folder(f"{file_transfer.SCHEME}{digest}/")
+    folder.parent.mkdir(parents=True)
+    folder.write_text("a file in its place")
+    with pytest.raises(TravelError, match=f"{digest} cannot be written: NotADirectoryError"):
+        keep(digest, packer.bundle_contents(digest))
+    assert list(folder.parent.iterdir()) == [folder]
+
+
 def test_a_bundle_begins_below_the_root_folder(problems, monkeypatch):
     monkeypatch.setattr(file_transfer, "LEVELS", 99)
     unpacked = unpack_files(Packer().pack(problems[0]))

@@ -122,6 +122,7 @@ def test_no_bodies_may_be_said_by_nothing(load, text):
         ("start: ", "begin: ", "]: KeyError 'start'"),
         ("bare:", "- 3\nbare:", "shelf[2]: TypeError"),
         ("bare:\n", "bare: 3\nmore:\n", "the file"),
+        ("bare:\n", "../../bare:\n", "a set called '../../bare'"),
         ("obstacles: {}", "obstacles: 3", "bare[0]: AttributeError"),
     ],
 )

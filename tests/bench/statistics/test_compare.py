@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from optiplan.bench.results.database import Store
-from optiplan.bench.statistics.compare import ALPHA, compare_results
+from optiplan.bench.statistics.compare import compare_results
+from optiplan.bench.statistics.intervals_and_tests import ALPHA
 from optiplan.cli.main import run
 
 FAILED = ("budget", "no path")

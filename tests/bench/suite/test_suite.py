@@ -99,7 +99,7 @@ def test_labels_of_the_suite_go_before_those_of_its_sources(load, problems):
 def test_labels_are_of_problems_that_there_are(refused, problems):
     text = f"problems: [{{glob: '{problems}/12*.yaml', set: ex}}]\nplanners: [quintic]\ndifficulty:\n"
     found = refused(text + "  hard: [ex/12_planar, ex/1]\n  easy: [ex/12_planar]\n")
-    assert found == [(7, "'ex/1', which no source gives")]
+    assert found == [(7, "'ex/1', which no source gives"), (8, "'ex/12_planar' a second time")]
     assert refused(text + "  a: [ex/12_planar]\n  b: [ex/12_planar]\n") == [(8, "'ex/12_planar' a second time")]
 
 

@@ -159,6 +159,11 @@ def test_a_polyhedron_holds_the_ellipsoid():
         ('<inertial pos="0 0 0.1" mass="1" diaginertia="0.01 0.02 0.03"/>', "", "of body upper and its mass"),
         ('range="-2 2"', 'range="-2"', ":14: mjcf: "),
         ("<worldbody>", "<worldbody", "mjcf"),
+        (
+            'type="box" size="0.1 0.1 0.1"',
+            'type="box" size="0.1 inf 0.1"',
+            "an inertia of body cube that is not finite",
+        ),
     ],
 )
 def test_bad_files_are_named(arm, tmp_path, old, new, words):

@@ -269,6 +269,7 @@ def test_only_the_refusal_of_files_that_are_there_names_the_call(tmp_path):
     [
         ("cell.scene", "0.4 0.6 0.02", "0.4 -0.6 0.02", ":7: scene: the sizes 0.4 -0.6 0.02 of table, a box; expected"),
         ("cell.scene", "0 0 1 0\n", "0 0 0 1\n", ":22: scene: the plane 0 0 0 1 of floor; expected a normal"),
+        ("cell.scene", "0 0 1 0\n", "0 0 1e-200 1\n", ":22: scene: the plane 0 0 1e-200 1 of floor; expected a normal"),
         (
             "cell.scene",
             "0.4 0.6 0.02",
@@ -285,6 +286,8 @@ def test_only_the_refusal_of_files_that_are_there_names_the_call(tmp_path):
         ("cell.usda", "0.2)", "0)", "cell.usda: /table/board: a transform that flattens"),
         ("cell.usda", 'Cube "board"', 'Points "board"', "cell.usda: /table/board: a collider of type Points"),
         ("cell.usda", 'token axis = "Y"', "token axis = Y", "cell.usda:23: usd: "),
+        ("cell.usda", '"xformOp:rotateY"]', '"xformOp:turnY"]', "cell.usda: usd: "),
+        ("cell.usda", "rel physics:body1", "token physics:body1", "cell.usda: usd: "),
         ("cell.sdf", "sdf", "urdf", "XML of <urdf>; expected a .scene of MoveIt"),
     ],
 )

@@ -103,14 +103,14 @@ def probability(p: float) -> str:
     return "&lt; 0.001" if p < 0.001 else f"{p:.2g}" if p < 0.1 else f"{p:.2f}"
 
 
-def with_interval(value: Interval, what: str = "median") -> Cell:
-    """A value with its interval behind it."""
+def with_interval(value: Interval) -> Cell:
+    """A median with its interval behind it."""
     if math.isnan(value.value):
         return Cell(NOTHING, kind="none")
-    more, tip = FEW, f"{what} of fewer than 5 problems: no interval"
+    more, tip = FEW, f"median {NO_INTERVAL}"
     if value.ends is not None:
         more = f" <small class=interval>[{number(value.low)}, {number(value.high)}]</small>"
-        tip = f"{what}, 95 % confidence"
+        tip = "median, 95 % confidence"
     return Cell(f"{number(value.value)}{more}", value.value, tip=tip, interval=value.ends)
 
 

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from optiplan.arrays import Flags
 from optiplan.bench.report.analysis import Analysis, Spread
 from optiplan.bench.report.quality import TIMES
 from optiplan.bench.report.tables.cells import FEW, NOTHING, Cell, Head, ReportTable, percent, planner
 from optiplan.bench.results.measures import RunMeasure
-from optiplan.bench.statistics.intervals_and_tests import Interval
+from optiplan.bench.statistics.intervals_and_tests import Interval, median_of_known
 
 BOX = (90.0, 12.0)
 """Width and height of a small box plot, px."""
@@ -117,10 +118,6 @@ def _quality(ratio: Interval, share: float) -> Cell:
     return Cell(f"{digits(ratio.value)}{more}{words}", ratio.value, interval=(ratio.low, ratio.high) if known else None)
 
 
-def _single(measure: RunMeasure, good: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> Cell:
-    values = measure.values[good]
-    values = values[np.isfinite(values)]
-    if not len(values):
-        return Cell(NOTHING, kind="none")
-    middle = float(np.median(values))
-    return Cell(html.escape(digits(middle)), middle)
+def _single(measure: RunMeasure, good: Flags) -> Cell:
+    middle = median_of_known(measure.values[good])
+    return Cell(NOTHING, kind="none") if math.isnan(middle) else Cell(html.escape(digits(middle)), middle)

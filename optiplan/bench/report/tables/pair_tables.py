@@ -3,7 +3,7 @@
 import math
 
 from optiplan.bench.report.analysis import Analysis
-from optiplan.bench.report.pairs import TIE, Paired, PlannerPair
+from optiplan.bench.report.pairs import Paired, PlannerPair
 from optiplan.bench.report.tables.cells import (
     NOTHING,
     Cell,
@@ -14,7 +14,7 @@ from optiplan.bench.report.tables.cells import (
     probability,
     with_interval,
 )
-from optiplan.bench.statistics.intervals_and_tests import holm
+from optiplan.bench.statistics.intervals_and_tests import ALPHA, TIE, holm
 
 
 def pair_table(analysis: Analysis) -> ReportTable:
@@ -54,7 +54,7 @@ def _paired(one: Paired, corrected: tuple[float, ...]) -> list[Cell]:
     chances = [
         Cell(probability(p), p, kind)
         for raw, sure in zip((one.sign, one.rank), corrected, strict=True)
-        for p, kind in ((raw, ""), (sure, "sure" if sure < 0.05 else ""))
+        for p, kind in ((raw, ""), (sure, "sure" if sure < ALPHA else ""))
     ]
     return [with_interval(one.ratio), score, *chances]
 
@@ -84,5 +84,5 @@ def ratio_table(analysis: Analysis, field: str) -> ReportTable:
 def _ratio_cell(value: float, p: float, problems: int) -> Cell:
     if math.isnan(value):
         return Cell(NOTHING, kind="none")
-    kind = ("less" if value < 1.0 else "more") if p < 0.05 and abs(math.log(value)) > TIE else ""
+    kind = ("less" if value < 1.0 else "more") if p < ALPHA and abs(math.log(value)) > math.log1p(TIE) else ""
     return Cell(number(value), value, kind, f"on {problems} problems; p = {p:.2g}, corrected")

@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.errors import InputError, Issue
 from optiplan.importers.robots.description import Description
 from optiplan.importers.robots.mjcf.compiled import compile_mjcf
 from optiplan.importers.robots.mjcf.contacts import excluded_pairs, overlapping_pairs
@@ -31,10 +32,13 @@ def describe_mjcf(path: Path) -> Description:
     """Read the robot of an MJCF file.
 
     Raises:
-        InputError: no MJCF, or one that MuJoCo does not compile.
+        InputError: no MJCF, or one that MuJoCo does not compile; a body without a finite inertia.
         OptiPlanError: the package `mujoco` is not installed.
     """
     mujoco, model, remarks = compile_mjcf(path)
+    for body in np.flatnonzero(~np.isfinite(model.body_inertia).all(axis=1)).tolist():
+        found = f"an inertia of body {model.body(body).name or body} that is not finite"
+        raise InputError([Issue(str(path), None, "mjcf", found, "masses and sizes that are finite")])
     writer = _MjcfWriter(mujoco, model, _model_name(model, path))
     for body in range(model.nbody):
         writer.body(body)

@@ -9,6 +9,7 @@ The pose of a prim is the rotation that is nearest to its A, and its origin; sca
 
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
@@ -53,8 +54,30 @@ class Affine:
         return Affine(R @ self.A, R @ (self.t - X_WL.translation))
 
 
+@contextmanager
+def opened_stage(path: Path) -> Iterator["UsdStage"]:
+    """Open a stage, which usd-core may also refuse later, when it is asked for a pose or a target.
+
+    Raises:
+        OptiPlanError: the package `usd-core` is not installed.
+        InputError: what usd-core refuses, or as of `UsdStage`.
+    """
+    try:
+        yield UsdStage(path)
+    except RuntimeError as error:
+        if type(error).__name__ != "ErrorException":  # of pxr.Tf, which may not be installed
+            raise
+        told = [line.split(" : ", 1)[-1].strip().strip("'") for line in str(error).splitlines() if " : " in line]
+        placed = next((match for one in told if (match := _AT_LINE.match(one))), None)
+        text = told[0] if told else " ".join(str(error).split())
+        file, line = str(path), None
+        if placed is not None:
+            file, line, text = placed[1], int(placed[2]), placed[3]
+        raise InputError([Issue(file, line, "usd", text, "a USD file that usd-core reads")]) from error
+
+
 class UsdStage:
-    """An open stage and its units; `usd` holds the modules of usd-core."""
+    """An open stage and its units; `usd` holds the modules of usd-core. See `opened_stage`."""
 
     def __init__(self, path: Path) -> None:
         """Open a stage with everything that it references.
@@ -72,7 +95,7 @@ class UsdStage:
         self.geom: Any = import_module("pxr.UsdGeom")
         self.physics: Any = import_module("pxr.UsdPhysics")
         self.time = self.usd.TimeCode.EarliestTime()
-        self.stage = self._opened()
+        self.stage = self.usd.Stage.Open(str(path))
         broken = self.stage.GetCompositionErrors()
         if broken:
             raise InputError([self._broken(error) for error in broken[:5]])
@@ -85,18 +108,6 @@ class UsdStage:
         self._R_U = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], float) if up == "Y" else np.eye(3)
         self._poses = self.geom.XformCache(self.time)
 
-    def _opened(self) -> Any:
-        try:
-            return self.usd.Stage.Open(str(self.path))
-        except RuntimeError as error:  # Tf.ErrorException
-            told = [line.split(" : ", 1)[-1].strip().strip("'") for line in str(error).splitlines() if " : " in line]
-            placed = next((match for one in told if (match := _AT_LINE.match(one))), None)
-            text = told[0] if told else " ".join(str(error).split())
-            file, line = str(self.path), None
-            if placed is not None:
-                file, line, text = placed[1], int(placed[2]), placed[3]
-            raise InputError([Issue(file, line, "usd", text, "a USD file that usd-core opens")]) from error
-
     def _broken(self, error: Any) -> Issue:
         site = str(getattr(error, "rootSite", "")).rpartition("<")[2].strip(">") or "usd"
         return Issue(str(self.path), None, site, str(error).rstrip("."), "layers that are there")
@@ -106,10 +117,9 @@ class UsdStage:
         field = f"{prim.GetPath()}.{key}" if key else str(prim.GetPath())
         return InputError([Issue(str(self.path), None, field, found, expected)])
 
-    def prims(self, root: Any = None) -> Iterator[Any]:
-        """Every prim that is loaded and defined, also within instances; from a prim down where one is given."""
-        start = self.stage.GetPseudoRoot() if root is None else root
-        yield from self.usd.PrimRange(start, self.usd.TraverseInstanceProxies())
+    def prims(self) -> Iterator[Any]:
+        """Every prim that is loaded and defined, also within instances."""
+        yield from self.usd.PrimRange(self.stage.GetPseudoRoot(), self.usd.TraverseInstanceProxies())
 
     def placed(self, prim: Any) -> Affine:
         """A_WP of a prim."""

@@ -19,7 +19,7 @@ from optiplan.importers.robots.urdf_tree import FAR, WORLD, MeshFiles, UrdfTree,
 from optiplan.importers.robots.usd.joints import SLIDES, TURNS, UsdJoint, read_joints
 from optiplan.importers.robots.usd.masses import body_inertia
 from optiplan.importers.robots.usd.shapes import NOT_READ, UsdShape, gprims, shape_of
-from optiplan.importers.robots.usd.stage import UsdStage, schemas
+from optiplan.importers.robots.usd.stage import UsdStage, opened_stage, schemas
 from optiplan.importers.robots.usd.tree import Articulation, read_tree, rigid_bodies
 from optiplan.robot.urdf.elements import inertial_element, number_words
 from optiplan.robot.urdf.srdf import LinkPair, link_pair
@@ -41,9 +41,10 @@ def describe_usd(path: Path) -> Description:
         InputError: no USD, no articulation or several, or a prim of it that cannot be used.
         OptiPlanError: the package `usd-core` is not installed.
     """
-    stage = UsdStage(path)
-    writer = _UsdWriter(stage)
-    writer.write()
+    with opened_stage(path) as stage:
+        writer = _UsdWriter(stage)
+        writer.write()
+        allowed = writer.filtered()
     return Description(
         source=path,
         name=str(writer.urdf.root.get("name")),
@@ -52,7 +53,7 @@ def describe_usd(path: Path) -> Description:
         limits={"velocity": writer.rates} if writer.rates else {},
         states={DRAWN: writer.drawn} if any(writer.drawn.values()) else {},
         rest=writer.drawn,
-        allowed=writer.filtered(),
+        allowed=allowed,
         notes=tuple(dict.fromkeys(writer.notes)),
     )
 
