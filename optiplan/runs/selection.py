@@ -49,28 +49,30 @@ def best_verified(problem: Problem, candidates: list[Candidate], budget: Budget,
     """Verify candidates, the planner's own choice last, but for those proved on the way, and select the best.
 
     One refused for a rate or a torque alone is tried again slightly slower, unless another candidate is as fast
-    as that. The planner's own choice is always verified, the others while the budget lasts.
+    as that. The planner's own choice is always verified, the others while the budget lasts. Beyond it one slower motion
+    is, that of the largest step: a proof late is better than a motion that is none.
 
     Raises:
         ValueError: there are no candidates.
     """
     refused: Selection | None = None
     for place in reversed(range(len(candidates))):
+        known = proofs.verdict(candidates[place].trajectory)
+        if refused is not None and budget.over and not (known and known.report.verified):
+            continue
         other = candidates[place - 1].trajectory.duration if place else float("inf")
-        for tried, seconds in _slower_and_slower(problem, candidates[place], other, proofs):
+        for tried, seconds in _slower_and_slower(problem, candidates[place], other, budget, proofs):
             if tried.report.verified:
                 before = _verified(problem, candidates[:place], budget, proofs)
                 return replace(tried, answers=_in_turn([*before, (seconds, tried.trajectory)]))
             refused = refused or tried
-            if budget.over:
-                return refused
     if refused is None:
         raise ValueError("there are no candidates")
     return refused
 
 
 def _slower_and_slower(
-    problem: Problem, candidate: Candidate, other: float, proofs: ProofsOnTheWay
+    problem: Problem, candidate: Candidate, other: float, budget: Budget, proofs: ProofsOnTheWay
 ) -> Iterator[tuple[Selection, float]]:
     """Yield the verdict on a candidate, then on slower ones shorter than `other`, s, while that may satisfy the checks.
 
@@ -79,6 +81,8 @@ def _slower_and_slower(
     """
     asked = 1.0
     for step in (1.0, *_SLOWER):
+        if step > 1.0 and (budget.cancelled or (budget.over and step < _SLOWER[-1])):
+            continue
         factor = step * asked
         trajectory = candidate.trajectory
         if factor > 1.0:

@@ -1,5 +1,6 @@
 """Of several answers the best one that the real verifier accepts, a little slower where only that helps."""
 
+import threading
 from dataclasses import replace
 from itertools import pairwise
 
@@ -145,15 +146,37 @@ def test_where_nothing_is_verified_the_favourite_and_its_report_are_the_answer(
     assert {check.name for check in chosen.report.checks if not check.passed} >= {"velocity"}
 
 
-def test_without_time_only_the_favourite_is_looked_at(
+def test_without_time_only_the_favourite_is_looked_at_and_once_a_slower_one(
     problem: Problem, fastest: Trajectory, asked: list[float]
 ) -> None:
-    selected(problem, answers(fastest, 1.2, 0.5), Budget(0.0))
-    assert asked == [pytest.approx(0.5 * fastest.duration)]
+    for share, verified in ((0.5, False), (0.98, True)):
+        asked.clear()
+        chosen = selected(problem, answers(fastest, 1.2, share), Budget(0.0))
+        assert asked == [pytest.approx(factor * share * fastest.duration) for factor in (1.0, 1.1)]
+        assert chosen.report.verified == verified
+        assert chosen.slowed == (1.1 if verified else 1.0)
     asked.clear()
     chosen = selected(problem, answers(fastest, 1.5, 1.2), Budget(0.0))
     assert asked == [pytest.approx(1.2 * fastest.duration)]
     assert [duration for _, duration in chosen.improvements] == asked
+
+
+def test_without_time_a_motion_that_was_proved_before_is_the_answer(
+    problem: Problem, fastest: Trajectory, asked: list[float]
+) -> None:
+    candidates, proofs = answers(fastest, 1.5, 1.2, 0.5), ProofsOnTheWay(problem, silent)
+    proofs.found(candidates[0].trajectory, 0.0)
+    chosen = best_verified(problem, candidates, Budget(0.0), proofs)
+    assert chosen.trajectory is candidates[0].trajectory
+    assert chosen.report.verified
+    assert asked == [pytest.approx(factor * fastest.duration) for factor in (0.5, 0.55)]
+
+
+def test_who_cancels_waits_for_no_slower_motion(problem: Problem, fastest: Trajectory, asked: list[float]) -> None:
+    cancel = threading.Event()
+    cancel.set()
+    assert not selected(problem, answers(fastest, 0.98), Budget(60.0, cancel)).report.verified
+    assert len(asked) == 1
 
 
 def test_without_candidates_there_is_no_selection(problem: Problem) -> None:
