@@ -85,18 +85,20 @@ class CoarseDescents:
     spans: int = _SPANS
     _coarse: dict[CollisionModel, Optimiser] = field(default_factory=dict)
 
-    def follow(self, waypoints: Array) -> None:
+    def follow(self, waypoints: Array) -> bool:
         """Give all further curves, full ones too, more spans where a path (k, n) has more legs than they can follow.
 
-        No curve may be kept yet: one that begins where another ended has as many spans.
+        No curve may be kept yet: one that begins where another ended has as many spans. Return whether they get more.
         """
         legs = len(waypoints) - 1
         spans = min(_EACH * legs, _MOST)
-        if legs > _LEGS and spans > self.spans:
-            self.spans = spans
-            self._coarse.clear()
-            if spans > self.optimiser.options.spans:
-                self.optimiser.spread(spans)
+        if legs <= _LEGS or spans <= self.spans:
+            return False
+        self.spans = spans
+        self._coarse.clear()
+        if spans > self.optimiser.options.spans:
+            self.optimiser.spread(spans)
+        return True
 
     def descend(self, model: CollisionModel, path: SampledPath, best: float) -> CoarseCurve | None:
         """Return the curve from a path among the obstacles of a model; None where it stays in them.

@@ -205,10 +205,14 @@ class PathSearch:
             if isinstance(path, Failure):
                 failure, self.depth, self.in_vain = path, 0, self.in_vain + 1
                 break
-            self._follow(path)
             if not (known or self.incumbent.candidates):
                 self._first(path.waypoints)
-            curve = self.coarse.descend(self._check(_DEPTHS[self.depth]).model, path, best)
+            model = self._check(_DEPTHS[self.depth]).model
+            curve = self.coarse.descend(model, path, best)
+            if curve is None and self._follow(path):
+                if not self.incumbent.candidates:
+                    self._first(path.waypoints)
+                curve = self.coarse.descend(model, path, best)
             if curve is not None:
                 self._waiting.append((path, curve))
                 best = min(best, self.incumbent.cost_bound(curve.duration))
@@ -305,17 +309,18 @@ class PathSearch:
             )
             path = sample_path(check, self.problem.start, goals, options)
         self.patience.work(shortcuts=min(options.attempts, _COUNTED) if isinstance(path, SampledPath) else 0)
-        if isinstance(path, SampledPath) and aims is None:
-            self._follow(path)
         self.incumbent.info["cut_short"] |= isinstance(path, Failure) and budget.over
         if real and isinstance(path, SampledPath) and not self.incumbent.candidates:
             self._first(path.waypoints)
         return path
 
-    def _follow(self, path: SampledPath) -> None:
-        """Give curves the spans that they need to follow a path; where there are curves already, they have to do."""
-        if not (self.settled or self._waiting or self.incumbent.curve is not None):
-            self.coarse.follow(path.waypoints)
+    def _follow(self, path: SampledPath) -> bool:
+        """Give curves the spans that they need to follow a path; return whether these are more.
+
+        Where there are curves already, their spans have to do.
+        """
+        settled = self.settled or self._waiting or self.incumbent.curve is not None
+        return not settled and self.coarse.follow(path.waypoints)
 
     def free(self, waypoints: Array) -> bool:
         """Return whether a path (k, n) is free between the real obstacles; asked again of the last one, it knows."""
