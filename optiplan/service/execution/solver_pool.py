@@ -211,7 +211,7 @@ class _Slot(threading.Thread):
     def _serve_one(self) -> None:
         """Serve the next job, if there is one soon; its future is set whatever happens."""
         if not self._at_need:
-            self._ready()
+            self._be_ready()
         try:
             job = self._jobs.get(timeout=LOOK)
         except queue.Empty:
@@ -230,6 +230,14 @@ class _Slot(threading.Thread):
             job.future.set_result(answer)
         if self._lane in ONE_JOB:
             self._end()
+
+    def _be_ready(self) -> None:
+        """Have a process ready before a job comes; where none can be, the job has to be answered nevertheless."""
+        try:
+            self._ready()
+        except Exception:
+            _log.exception("%s has no process that is ready", self.name)
+            self._stop_event.wait(RESPITE)
 
     def _ready(self) -> WorkerProcess | None:
         """The process, started anew if it has ended; None if none starts."""

@@ -39,7 +39,7 @@ HELD = "attached: [{name: h, shape: {half_space: {normal: [0, 0, 1]}}, link: for
         ("planner: quintic", "planner: {name: quintic, duration: fast}", 7, "'fast'; expected a number"),
         ("planner: quintic", "limits: {velocity: 1.0e-320}", 7, "≥ 1e-06"),
         ("robot: planar2r", "robot: no/robot.yaml", 3, "there is no file"),
-        ("robot: planar2r", "robot: " + "a" * 4000, 3, "too long"),
+        ("robot: planar2r", "robot: " + "a" * 4000, 3, "unknown robot 'aaa"),
         ("name: far", "name: " + "b" * 300, 6, "at most 200 characters"),
     ],
 )

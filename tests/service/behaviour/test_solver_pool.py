@@ -85,12 +85,15 @@ def test_a_slot_survives_a_request_that_cannot_be_sent_and_a_caller_that_went(po
     assert pool.ended == []
 
 
-def test_a_process_that_cannot_be_set_up_is_no_process_that_is_ready(pool, monkeypatch):
+@pytest.mark.parametrize("idle", [False, True])
+def test_a_process_that_cannot_be_set_up_is_no_process_that_is_ready(pool, monkeypatch, caplog, idle):
     pool.submit("queue", plan()).result(PATIENCE)
     slot = pool._slots[0]
     with monkeypatch.context() as patch:
         patch.setattr(slot, "_settings", replace(slot._settings, memory=float("nan")))
         slot._end()
+        if idle:  # it is exchanged before a job comes
+            wait_until(lambda: "no process that is ready" in caplog.text)
         failed = pool.submit("queue", plan()).result(PATIENCE)
         assert "internal error" in failed.detail
     assert pool.submit("queue", plan()).result(PATIENCE).death is None
