@@ -133,6 +133,7 @@ class RrtConnect:
         joints: _Indices,
         rows: _Array,
         least: float,
+        carriers: int,
         start: _Array,
         goals: _Array,
         reach: float,
