@@ -83,7 +83,7 @@ class CoarseDescents:
     patience: Patience
     watch: Stopwatch
     spans: int = _SPANS
-    _coarse: dict[CollisionModel, Optimiser] = field(default_factory=dict)
+    _coarse: dict[tuple[CollisionModel, int], Optimiser] = field(default_factory=dict)
 
     def follow(self, waypoints: Array) -> bool:
         """Give all further curves, full ones too, more spans where a path (k, n) has more legs than they can follow.
@@ -95,7 +95,6 @@ class CoarseDescents:
         if legs <= _LEGS or spans <= self.spans:
             return False
         self.spans = spans
-        self._coarse.clear()
         if spans > self.optimiser.options.spans:
             self.optimiser.spread(spans)
         return True
@@ -164,8 +163,8 @@ class CoarseDescents:
             return CoarseCurve(self.optimiser.basis.fit(instants, points), found.duration)
 
     def _among(self, model: CollisionModel) -> Optimiser:
-        if model not in self._coarse:
+        if (model, self.spans) not in self._coarse:
             options = self.optimiser.options
             few = options.coarse(min(self.spans, options.spans), min(_SAMPLES, options.samples))
-            self._coarse[model] = Optimiser(self.optimiser.problem, model, few)
-        return self._coarse[model]
+            self._coarse[model, self.spans] = Optimiser(self.optimiser.problem, model, few)
+        return self._coarse[model, self.spans]
