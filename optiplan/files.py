@@ -15,10 +15,12 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple, TypeVar
+
+from optiplan.records import dataclass
 
 MOST = 256 * 2**20
 """Largest file that is read, bytes."""

@@ -26,7 +26,19 @@ ROOMS = (
     {"cli"},
 )
 LEVELS = {name: level for level, names in enumerate(ROOMS, 1) for name in names}
-GROUND = {"_core", "arrays", "cache", "config", "cores", "errors", "figure_style", "files", "libraries", "resources"}
+GROUND = {
+    "_core",
+    "arrays",
+    "cache",
+    "config",
+    "cores",
+    "errors",
+    "figure_style",
+    "files",
+    "libraries",
+    "records",
+    "resources",
+}
 MAX_FILE, MAX_FUNCTION = 420, 58
 MAX_SIDE_BY_SIDE = 17
 

@@ -3,7 +3,6 @@
 import os
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -23,6 +22,7 @@ from optiplan.errors import (
 )
 from optiplan.planners.base import Progress
 from optiplan.planners.registry import make_planner
+from optiplan.records import dataclass
 from optiplan.runs.batches.episode import BAD_INPUT, STATES, VERIFIED, EpisodeRequest, digest_of
 from optiplan.runs.batches.lerobot import write_lerobot
 from optiplan.runs.batches.store import BatchStore

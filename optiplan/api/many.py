@@ -3,7 +3,7 @@
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from optiplan.api.planning import BUDGET, checked_problem, positive_seconds
@@ -21,6 +21,7 @@ from optiplan.errors import (
 from optiplan.planners.base import Budget, Progress, silent
 from optiplan.planners.registry import make_planner
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.runs.batches.workers import end_pool, is_dask_client, submitted
 from optiplan.runs.pipeline import answer, chosen, plan_and_verify_once
 from optiplan.runs.run import Run

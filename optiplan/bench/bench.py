@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -25,6 +24,7 @@ from optiplan.errors import (
     wrong_argument,
 )
 from optiplan.planners.base import Progress
+from optiplan.records import dataclass
 
 
 @dataclass(frozen=True, eq=False, repr=False)

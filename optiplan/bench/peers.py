@@ -8,7 +8,6 @@ import json
 import subprocess
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from optiplan.planners.base import Budget, Failure, PlanResult, Progress
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.path_timing import timed_path
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 
 POLL = 0.05

@@ -1,12 +1,12 @@
 """Results of queries: pairs of bodies, their nearest points and the normals between these."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from optiplan.arrays import Array, Index
 from optiplan.geometry.coal_queries import DISTANCE_ERROR
+from optiplan.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

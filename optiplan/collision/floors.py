@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from optiplan.collision.contacts import Pair
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.safety import BuiltNear, Safety
 from optiplan.geometry.scene import Scene
+from optiplan.records import dataclass
 from optiplan.robot.limits import UNBOUNDED
 from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.robot import Robot

@@ -7,7 +7,6 @@ Every way in which a file can be unusable ends in `InputError` holding `Issue`s,
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -30,6 +29,7 @@ from optiplan.config.simple_yaml import (
 )
 from optiplan.errors import InputError, Issue
 from optiplan.files import read_bytes
+from optiplan.records import dataclass
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 """A finite number: no text such as "1.0", no true or false."""

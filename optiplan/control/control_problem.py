@@ -1,7 +1,7 @@
 """`ControlProblem`: the quadratic program of one step, with a name for every row."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 import qpsolvers
@@ -14,6 +14,7 @@ from optiplan.control.qp.solvers import qpsolvers_problem
 from optiplan.control.row_stack import RowStack
 from optiplan.control.step_report import StepOutcome
 from optiplan.errors import writing, wrong_argument
+from optiplan.records import dataclass
 
 SHOWN_ROWS = 12
 """Rows of each kind that `repr` prints."""

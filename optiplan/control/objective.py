@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from optiplan.arrays import Array, Index
 from optiplan.control.configuration import Configuration
 from optiplan.control.tasks.base import ControlTask
 from optiplan.control.tasks.frame_tasks import FrameTask
+from optiplan.records import dataclass
 from optiplan.trajectory.state import State
 
 BASE_DAMPING = 1e-4

@@ -1,10 +1,10 @@
 """`ControlStep`: what a controller answers in each step, and why."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Literal
 
 from optiplan.arrays import Array
+from optiplan.records import dataclass
 from optiplan.trajectory.state import State
 
 Status = Literal["tracking", "limited", "nearest", "recovering", "stopping", "stopped"]

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from optiplan.arrays import Array
 from optiplan.control.limits.joint_box import JointBox
@@ -10,6 +10,7 @@ from optiplan.control.objective import Demand
 from optiplan.control.qp.program import Program
 from optiplan.control.row_stack import RowStack
 from optiplan.control.step import ControlStep, NearestPair, Status
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.state import State
 

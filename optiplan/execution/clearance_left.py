@@ -1,7 +1,6 @@
 """What is left of the clearance that was proved along a path while the joints are off it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,6 +8,7 @@ from optiplan.arrays import Array
 from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
 from optiplan.problem.task.scene_part import ScenePart
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.collision_check import checked_robot
 from optiplan.verify.continuous.certificate import certify

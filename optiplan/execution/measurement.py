@@ -1,8 +1,7 @@
 """`Measurement`: what a driver measured of a robot, and how old it is."""
 
-from dataclasses import dataclass
-
 from optiplan.arrays import Array
+from optiplan.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

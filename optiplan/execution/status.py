@@ -1,9 +1,9 @@
 """What an executor hands out: the set-point of a tick, what it is doing, and its stops."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from optiplan.arrays import Array
+from optiplan.records import dataclass
 from optiplan.trajectory.segments import Segment
 
 if TYPE_CHECKING:

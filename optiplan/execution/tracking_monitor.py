@@ -1,6 +1,5 @@
 """How far the measured robot is from the proved motion, and how old its states are."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from optiplan.execution.arguments import ROUNDED, numbers
 from optiplan.execution.clearance_left import ClearanceLeft
 from optiplan.execution.measurement import Measurement
 from optiplan.execution.paths.proved_path import PathStretch, ProvedPath
+from optiplan.records import dataclass
 from optiplan.trajectory.state import State
 
 if TYPE_CHECKING:

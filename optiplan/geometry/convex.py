@@ -4,7 +4,7 @@ import io
 import json
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any, NamedTuple
 
 import coal
@@ -17,6 +17,7 @@ from optiplan.geometry.convex_hulls import FLAT, Hull, kept_hull, solid_hull, th
 from optiplan.geometry.meshes.mesh_parts import parts_of_mesh
 from optiplan.geometry.meshes.triangles import Soup, Triangles
 from optiplan.geometry.over_cover import MeshSolid
+from optiplan.records import dataclass
 
 COVER_VERSION = 1
 """Increase it when covers change for the same mesh, so that cached ones are made again."""

@@ -1,6 +1,5 @@
 """Convex hulls within the limits of coal: flat hulls are thickened, hulls with too many neighbours get fewer faces."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import coal
@@ -9,6 +8,7 @@ import numpy as np
 from optiplan import cache
 from optiplan.arrays import Array, Index
 from optiplan.geometry.over_cover import MeshSolid
+from optiplan.records import dataclass
 
 FLAT = 1e-5
 """m; thickness added to flat meshes on either side."""

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -11,6 +11,7 @@ from scipy.spatial import ConvexHull, QhullError
 from optiplan.arrays import Array
 from optiplan.geometry.meshes.box_surfaces import BOX_CORNERS
 from optiplan.geometry.over_cover import MeshSolid, over_cover
+from optiplan.records import dataclass
 
 _STEP = 1e-4
 """m; triangles that differ by less along an axis belong to one flat step of the surface."""

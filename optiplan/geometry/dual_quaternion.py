@@ -1,13 +1,13 @@
 """Unit dual quaternions and screw motion, over `pinocchio.SE3`."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.geometry.poses import HALF_TURN
+from optiplan.records import dataclass
 
 _CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 _SERIES = tuple((-1) ** (n + 1) * 2 * (n + 1) / math.factorial(2 * n + 3) for n in reversed(range(9)))

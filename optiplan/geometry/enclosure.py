@@ -14,7 +14,6 @@ it. A sum of 0 of +1 and -1 is a hollow only if one piece lies within the other:
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -22,6 +21,7 @@ import numpy.typing as npt
 
 from optiplan.arrays import Array
 from optiplan.geometry.meshes.triangles import Triangles
+from optiplan.records import dataclass
 
 CELLS = 64
 """Cells of the grid along the longest edge of a mesh; openings narrower than four cells count as closed."""

@@ -1,7 +1,7 @@
 """Shapes from files: meshes, point clouds and octrees. Their bodies are triangles, cached by content."""
 
 from abc import abstractmethod
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
@@ -18,6 +18,7 @@ from optiplan.geometry.convex_hulls import convex_hull
 from optiplan.geometry.meshes.reading import KINDS, Kind, known, open_mesh, read_mesh
 from optiplan.geometry.meshes.triangles import MOST_TRIANGLES, Soup, Triangles
 from optiplan.geometry.shape import Shape
+from optiplan.records import dataclass
 
 
 @lru_cache(maxsize=64)

@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, ReadOnlyArrays
+from optiplan.records import dataclass
 
 SLIDES = 3
 """Rows of a motion that are metres; a fourth one is the angle."""

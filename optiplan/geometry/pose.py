@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Self, TypeVar
@@ -16,6 +16,7 @@ from optiplan.config.document import Document, Strict, plain, validate
 from optiplan.config.values import Length, Name, Quaternion, Vector
 from optiplan.errors import InputError, Issue, described, wrong_argument
 from optiplan.geometry.poses import check_angles, in_radians, pose_from_data, pose_from_matrix, pose_to_data
+from optiplan.records import dataclass
 
 Angles = Annotated[Vector, AfterValidator(partial(check_angles, degrees="rpy_deg"))]
 """Roll, pitch and yaw, rad, each within a turn."""

@@ -1,13 +1,14 @@
 """Safety distance of a scene: how far bodies stay apart, beyond not touching."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from optiplan.arrays import Array, number_argument
 from optiplan.errors import described, wrong_argument
+from optiplan.records import dataclass
 
 MOST = 1.0
 """m: a larger distance is a slip of the pen (millimetres for metres), and leaves an arm no room."""

@@ -1,7 +1,7 @@
 """Scenes: shapes, obstacles, attached objects, allowed contacts."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -15,6 +15,7 @@ from optiplan.geometry.poses import FixedPose
 from optiplan.geometry.safety import Safety
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import Box, Capsule, Cylinder, HalfSpace, Sphere, build_geometry
+from optiplan.records import dataclass
 
 __all__ = [
     "Attachment",

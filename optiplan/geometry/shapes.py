@@ -4,7 +4,7 @@ A shape is one class here and one line in `ShapeSpec`. The class has the keys of
 support function for the verifier's proofs, and the drawing for the page. All other code works for any shape.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, ClassVar, Self
 
 import coal
@@ -15,6 +15,7 @@ from optiplan.config.document import Strict
 from optiplan.config.values import Coordinate, Direction, ExactlyOne, Length, Size
 from optiplan.geometry.file_shapes import FileShape, Mesh, MeshSpec, Octree, OctreeSpec, PointCloud, PointCloudSpec
 from optiplan.geometry.shape import Shape
+from optiplan.records import dataclass
 
 
 class RoundSpec(Strict):

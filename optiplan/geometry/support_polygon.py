@@ -1,12 +1,12 @@
 """The polygon on which a robot stands, and how far the zero-moment point is inside it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from optiplan.arrays import Array, ReadOnlyArrays, read_only
+from optiplan.records import dataclass
 
 _FLAT = 1e-9
 """m²: points that span less area have no inside."""

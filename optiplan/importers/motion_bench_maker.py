@@ -3,7 +3,6 @@
 import re
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from optiplan.importers.moveit import convert, merged_state
 from optiplan.importers.moveit_objects import CannotConvert
 from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.problem.write import problem_text
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot, load_robot, robot_names
 
 FILE_NAME = re.compile(r"(?P<before>.*?)(?P<kind>scene|request)(?P<after>.*)\.ya?ml", re.IGNORECASE)

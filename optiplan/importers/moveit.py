@@ -1,7 +1,7 @@
 """One MoveIt planning scene and motion plan request, as YAML data, into the data of a problem file."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from optiplan.arrays import Array
 from optiplan.geometry.pose import ToleranceSpec
 from optiplan.geometry.poses import pose_to_data
 from optiplan.importers.moveit_objects import CannotConvert, Frames, SceneConverter, joint_state, numbers, pose
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 
 CLAMP = 1e-3

@@ -1,11 +1,11 @@
 """Manipulability measures of the tool's Jacobian, their gradients, and ellipsoids."""
 
-from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from optiplan.arrays import Array, Index
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 
 JacobianRows = Literal["full", "translation", "rotation"]

@@ -3,11 +3,10 @@
 Source: H. Taheri, B. Qiao, N. Ghaeminezhad, Kinematic Model of a Four Mecanum Wheeled Mobile Robot, IJCA 113 (2015).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")

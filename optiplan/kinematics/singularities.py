@@ -1,12 +1,12 @@
 """Singularities of six-joint arms by name: shoulder, elbow, wrist, the factors of the Jacobian's determinant."""
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.kinematics.ik.arm_recognition import recognise
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 
 Wrist = Literal["spherical", "parallel"]

@@ -3,13 +3,14 @@
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 from optiplan.arrays import number_argument
 from optiplan.errors import described, wrong_argument
 from optiplan.libraries import clock
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 
 FailureKind = Literal[

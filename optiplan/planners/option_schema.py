@@ -1,7 +1,7 @@
 """Schema of planner options: dataclass fields with descriptions and ranges."""
 
 from collections.abc import Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields
+from dataclasses import MISSING, Field, field, fields
 from math import inf
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -13,6 +13,7 @@ from pydantic_core import SchemaError
 from optiplan.arrays import is_finite
 from optiplan.config.messages import describe
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
+from optiplan.records import dataclass
 
 Value = TypeVar("Value")
 

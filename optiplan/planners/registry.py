@@ -1,7 +1,6 @@
 """Planners by name, imported on first use so that listing them is cheap."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
@@ -9,6 +8,7 @@ from optiplan.errors import UnknownChoiceError
 from optiplan.planners.base import Planner
 from optiplan.planners.option_schema import Option, make_options, options_of
 from optiplan.planners.third_party import PlannerClass, checked_class, planner_class
+from optiplan.records import dataclass
 
 _BUNDLED = {
     "optimisation": {

@@ -1,7 +1,7 @@
 """Turn problem data into models and arrays, or report every issue."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +28,7 @@ from optiplan.problem.schema.side_by_side import in_words_of, with_groups_of_arm
 from optiplan.problem.tools.reading import ToolsInUse, as_frames, read_tools, without_tools
 from optiplan.problem.tools.tool import MountedTool
 from optiplan.problem.tracking_error import StatedEnd, error_of_joints, nearer_than_error
+from optiplan.records import dataclass
 from optiplan.robot.given_configurations import wrong_names
 from optiplan.robot.robot import Robot, load_robot
 

@@ -1,7 +1,7 @@
 """Goals as sets: the configurations in them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -12,6 +12,7 @@ from optiplan.kinematics.ik.joint_wraps import apart, endless_turns, whole_turns
 from optiplan.problem.goals_and_vias import AllOfGoal, ExactGoal
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem
 from optiplan.problem.regions.region import RegionGoal
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 
 if TYPE_CHECKING:

@@ -1,6 +1,5 @@
 """Goals and vias of a problem, as planners and the verifier read them: nobody writes into what the hash is about."""
 
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -9,6 +8,7 @@ import pinocchio as pin
 from optiplan.arrays import Array, ReadOnlyArrays
 from optiplan.geometry.poses import ReadOnlyPoses
 from optiplan.problem.regions.region import RegionGoal
+from optiplan.records import dataclass
 from optiplan.trajectory.state import State
 
 

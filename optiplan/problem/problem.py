@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +22,7 @@ from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.tools.tool import MountedTool
 from optiplan.problem.tracking_error import TrackingError, error_argument
 from optiplan.problem.write import end_words, problem_table, problem_text
+from optiplan.records import dataclass
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.state import State
 from optiplan.trajectory.timing.lower_bound import lower_bounds, moving_bounds

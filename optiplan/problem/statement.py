@@ -1,7 +1,7 @@
 """`Pose` and `ViaPoint` for construction in Python, checked by the schema of problem files."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -17,6 +17,7 @@ from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.schema import RegionSpec, axes_data
 from optiplan.problem.schema.ends import AlternativeSpec, ViaSpec
 from optiplan.problem.schema.joint_names import lists_of
+from optiplan.records import dataclass
 from optiplan.robot.given_configurations import is_by_name
 from optiplan.trajectory.state import State
 

@@ -1,7 +1,6 @@
 """The planned joints, the positions of the others, and the model reduced to the planned joints."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +11,7 @@ from optiplan.config.document import Document
 from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError, Issue, UnknownChoiceError
+from optiplan.records import dataclass
 from optiplan.robot.mimic_joints import Mimic, MimicError, fold
 from optiplan.robot.spec import MecanumSpec, RobotSpec
 from optiplan.robot.urdf.mesh_geometries import UrdfBodies

@@ -1,7 +1,7 @@
 """Limits of the planned joints: from the robot.yaml, else from the URDF, else default values with a note."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pinocchio as pin
@@ -10,6 +10,7 @@ from optiplan.arrays import Array, Flags, ReadOnlyArrays, read_only
 from optiplan.config.document import Document
 from optiplan.config.messages import choices
 from optiplan.errors import InputError, Issue
+from optiplan.records import dataclass
 from optiplan.robot.joint_groups import Group, Reduced
 from optiplan.robot.mimic_joints import turning
 from optiplan.robot.spec import LimitsSpec

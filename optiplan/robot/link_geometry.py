@@ -1,7 +1,7 @@
 """Collision geometry of each link: its mesh, the mesh's hull, or convex pieces."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from optiplan.errors import InputError, Issue, plain_reason
 from optiplan.geometry.convex import body_of, cover_of, hull_of, over_cover_of, pieces_of
 from optiplan.geometry.file_shapes import triangle_mesh
 from optiplan.geometry.meshes.triangles import Soup
+from optiplan.records import dataclass
 from optiplan.robot.spec import CollisionSpec, Treatment
 from optiplan.robot.urdf.mesh_geometries import UrdfBodies
 

@@ -5,13 +5,13 @@ Pinocchio's derivatives of inverse dynamics do not support such joints; `unfold`
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Flags
+from optiplan.records import dataclass
 
 if TYPE_CHECKING:
     from optiplan.robot.robot import Robot

@@ -1,7 +1,7 @@
 """Mounting of a robot: pose of its base, gravity, payload, and frames of what it carries, in pinocchio's model."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.geometry.poses import ReadOnlyPoses
+from optiplan.records import dataclass
 
 GRAVITY = (0.0, 0.0, -9.81)
 """m/s², of a robot whose base stands upright on Earth."""

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError
 from optiplan.files import bound, read_bytes
+from optiplan.records import dataclass
 from optiplan.robot.description_files import read_sources
 from optiplan.robot.given_configurations import wrong_names
 from optiplan.robot.joint_groups import Group, Reduced, mecanum_base, planned_joints, reduce_to

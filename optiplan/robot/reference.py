@@ -4,12 +4,13 @@ import functools
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
 from optiplan.config.document import Document, read_yaml
 from optiplan.errors import UnknownChoiceError
+from optiplan.records import dataclass
 from optiplan.resources import robots_dir
 
 DESCRIPTION = "<robot>"

@@ -2,7 +2,7 @@
 
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from optiplan.config.messages import choices
 from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError, described, path_argument, wrong_argument
 from optiplan.files import reading
 from optiplan.geometry.pose import Pose, Values
+from optiplan.records import dataclass
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.given_configurations import configuration

@@ -1,11 +1,11 @@
 """What a motion asks of the ground under the base: force, moment, and where the zero-moment point goes."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from optiplan.geometry.support_polygon import zero_moment_points
+from optiplan.records import dataclass
 from optiplan.robot.batched.base_reaction import base_reaction
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory

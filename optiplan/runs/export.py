@@ -4,7 +4,6 @@ import csv
 import io
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
 
@@ -13,6 +12,7 @@ import numpy as np
 from optiplan.arrays import Array, number_argument
 from optiplan.errors import described, writing, wrong_argument
 from optiplan.files import write_bytes
+from optiplan.records import dataclass
 from optiplan.runs.controller_formats import ros_json, ros_yaml, urscript
 from optiplan.trajectory.fixed_rate import interpolation_errors, on_cycle
 from optiplan.trajectory.tolerances import SAME_TIME

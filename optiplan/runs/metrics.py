@@ -4,7 +4,7 @@ Lengths and torques are integrals over time, to 1e-6 of themselves (`trajectory/
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from optiplan.kinematics.manipulability import ROWS, ToolKinematics, yoshikawa
 from optiplan.problem.objectives.objective import part_unit
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.scene_part import whole_motion
+from optiplan.records import dataclass
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.robot import Robot

@@ -5,7 +5,7 @@ import resource
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from optiplan.collision.passing_neighbours import apart_neighbours
@@ -18,6 +18,7 @@ from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.registry import make_planner
 from optiplan.planners.third_party import options_set
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.runs.common_bound import duration_bound
 from optiplan.runs.metrics import measure
 from optiplan.runs.proofs_on_the_way import ProofsOnTheWay

@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cache
 from html import escape
 from importlib import metadata
@@ -15,6 +15,7 @@ from optiplan.errors import path_argument, wrong_argument
 from optiplan.planners.base import Failure
 from optiplan.problem.from_python import expression_names
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.runs.metrics import Metrics
 from optiplan.trajectory.segments import segment_data
 from optiplan.trajectory.trajectory import Trajectory

@@ -4,7 +4,7 @@ import json
 import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -12,6 +12,7 @@ from pydantic_core import to_json
 
 from optiplan.errors import InputError, Issue
 from optiplan.files import read_bytes, write_together
+from optiplan.records import dataclass
 from optiplan.runs.record_kinds import check_record
 from optiplan.trajectory.given_files import SAMPLES, GivenFiles
 from optiplan.trajectory.trajectory import Trajectory

@@ -1,11 +1,12 @@
 """Select the best candidate of a planner that the verifier accepts."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Candidate
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.runs.proofs_on_the_way import ProofsOnTheWay, Verdict
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Check, Report

@@ -1,13 +1,14 @@
 """A clearance that nobody requires: kept where it costs little, since a motion that shaves an edge is of little use."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from optiplan.collision.floors import with_built
 from optiplan.geometry.safety import Safety
 from optiplan.planners.base import Budget
 from optiplan.problem.problem import Problem, derived
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from sqlalchemy.exc import ArgumentError
 
 from optiplan.errors import InputError, Issue
 from optiplan.files import user_folder
+from optiplan.records import dataclass
 
 PORT = 7100
 """TCP port, when none is given."""

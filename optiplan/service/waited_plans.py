@@ -5,12 +5,13 @@ import logging
 import time
 import uuid
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from sqlalchemy.exc import SQLAlchemyError
 
 from optiplan.errors import OptiPlanError
+from optiplan.records import dataclass
 from optiplan.runs.run_folder import RUN, TRAJECTORY
 from optiplan.service.archive import Archive
 from optiplan.service.execution.event_writer import AWAY, RETRY

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 import pinocchio as pin
@@ -10,6 +10,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.control.step import ControlStep
 from optiplan.geometry.scene import Scene
+from optiplan.records import dataclass
 from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot
 from optiplan.simulation.contacts import ContactWatch

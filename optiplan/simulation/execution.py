@@ -1,6 +1,6 @@
 """Execute a planned motion: computed torque on our rigid-body plant, or on MuJoCo's."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -9,6 +9,7 @@ from optiplan.arrays import Array
 from optiplan.errors import wrong_argument
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.tour_steps import in_order
+from optiplan.records import dataclass
 from optiplan.simulation.closed_loop import Loop, simulate
 from optiplan.simulation.controllers.joints import ComputedTorque, WheeledTorque
 from optiplan.simulation.execution_report import execution_report

@@ -2,12 +2,13 @@
 
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.records import dataclass
 from optiplan.simulation.plants.base import Input
 from optiplan.trajectory.trajectory import Trajectory
 

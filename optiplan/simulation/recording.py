@@ -1,6 +1,5 @@
 """`RecordedMotion`: what was seen of a robot that moved, as a run folder."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -8,6 +7,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.runs.run import versions
 from optiplan.runs.run_folder import run_files
 from optiplan.simulation.controllers.base import Command, JointTarget

@@ -1,12 +1,12 @@
 """`Simulation`: a control file that was run, and its log."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from optiplan.errors import path_argument
 from optiplan.planners.base import Failure
+from optiplan.records import dataclass
 from optiplan.runs.run import versions
 from optiplan.runs.run_folder import save_run
 from optiplan.simulation.closed_loop import simulate

@@ -1,10 +1,9 @@
 """Rise, overshoot, settling and steady-state error of a joint's answer to a step."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.records import dataclass
 
 SETTLED = 0.02
 """Share of the step within which an answer counts as settled."""

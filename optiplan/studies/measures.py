@@ -1,6 +1,5 @@
 """What a design is worth: reached volume, manipulability, torques, tip-over margin, cycle time, mass."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +11,7 @@ from optiplan.kinematics.manipulability import JacobianRows, ToolKinematics, sca
 from optiplan.planners.base import Budget
 from optiplan.planners.tours.placing import PlaceScore
 from optiplan.problem.load import problem_from_dict
+from optiplan.records import dataclass
 from optiplan.robot.batched.base_reaction import base_reaction
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.robot import Robot

@@ -1,7 +1,6 @@
 """Designs with their bodies, given the tasks: planned, verified, and measured along the motions."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,6 +8,7 @@ from optiplan.errors import OptiPlanError
 from optiplan.planners.base import Budget, Progress
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.robot.batched.base_reaction import base_reaction
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.runs.run import Run

@@ -2,10 +2,10 @@
 
 import csv
 import io
-from dataclasses import dataclass
 from typing import Any
 
 from optiplan.problem.write import problem_text
+from optiplan.records import dataclass
 from optiplan.studies.measures import MEASURES
 from optiplan.studies.proof import DesignProof, chosen_designs
 from optiplan.studies.search import Design, DesignJudge, DesignSearch

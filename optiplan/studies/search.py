@@ -1,13 +1,13 @@
 """NSGA-II over the parameters of a study, and the front of all designs that it measured."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from optiplan.arrays import Array, Index
 from optiplan.errors import InputError, OptiPlanError
 from optiplan.planners.base import Budget, Progress
+from optiplan.records import dataclass
 from optiplan.studies.measures import DesignMeasures
 from optiplan.studies.study import DesignStudy
 

@@ -2,7 +2,6 @@
 
 import copy
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from optiplan.config.messages import choices, describe
 from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.geometry.support_polygon import SupportPolygon
 from optiplan.problem.examples import find_problem
+from optiplan.records import dataclass
 from optiplan.robot.reference import robot_file
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.studies.schema import Amount, Change, StudySpec

@@ -1,8 +1,10 @@
 """Samples and other data in the files of a motion, for programs that execute it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
+
+from optiplan.records import dataclass
 
 if TYPE_CHECKING:
     from optiplan.trajectory.sample_file import Samples

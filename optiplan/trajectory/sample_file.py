@@ -3,7 +3,7 @@
 import csv
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
 from optiplan.files import read_bytes
+from optiplan.records import dataclass
 from optiplan.trajectory.from_samples import from_samples, interpolation
 from optiplan.trajectory.pieces import json_array
 from optiplan.trajectory.trajectory import Trajectory

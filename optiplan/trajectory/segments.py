@@ -1,11 +1,12 @@
 """Segments of a motion: when which step of a task is done."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import Any
 
 from optiplan.arrays import is_finite
 from optiplan.errors import InputError, Issue
+from optiplan.records import dataclass
 
 PASSING = "passing"
 """Kind of the events on a path of the tool, which it passes without a stop."""

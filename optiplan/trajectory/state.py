@@ -1,12 +1,12 @@
 """`State` of a moving robot: what a controller reads at the beginning of a step, and commands for its end."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from optiplan.arrays import Array, ReadOnlyArrays, read_only
 from optiplan.errors import described, wrong_argument
+from optiplan.records import dataclass
 from optiplan.robot.given_configurations import configuration
 from optiplan.robot.robot import Robot
 

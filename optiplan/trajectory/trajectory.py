@@ -2,7 +2,6 @@
 
 import html
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -11,6 +10,7 @@ import numpy as np
 from optiplan._core import core
 from optiplan.arrays import Array, Index, ReadOnlyArrays, read_only
 from optiplan.errors import InputError, Issue, described
+from optiplan.records import dataclass
 from optiplan.trajectory import bspline, polynomial
 from optiplan.trajectory.pieces import defect, lasting, read_pieces
 from optiplan.trajectory.segments import Segment, read_segments, segment_data

@@ -1,7 +1,7 @@
 """Checks of path constraints, proved for all times of their part of the motion."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from optiplan.problem.constraints.motions import (
 from optiplan.problem.constraints.poses import RelativePose
 from optiplan.problem.constraints.statements import PathConstraint, frame_of
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.joining import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory

@@ -1,12 +1,12 @@
 """Proof of a quantity of a frame at all times: intervals are halved until a bound of it holds on each of them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index, parts_of
 from optiplan.problem.constraints.base import WHOLE
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.frame_motion import FrameBounds, FrameMotion
 from optiplan.verify.continuous.intervals import derivative_bounds, step_sizes

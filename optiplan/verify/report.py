@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from html import escape
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from optiplan.arrays import number_argument
 from optiplan.errors import whole_argument
+from optiplan.records import dataclass
 
 _LEAST_INTERVAL = 1e-12
 """s: so short are parts of a piece of a million seconds after 60 halvings; they are counted in 64 bits."""

@@ -1,12 +1,12 @@
 """Check `via`: the vias are passed in order, each within its tolerance."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.records import dataclass
 from optiplan.robot.frames import pose_errors
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.trajectory import Trajectory

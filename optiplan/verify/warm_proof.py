@@ -6,7 +6,6 @@ neighbours, and which bodies stand in others. Its tests compare the verdicts: `v
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import coal
@@ -20,6 +19,7 @@ from optiplan.collision.geometry_model import geometry_of
 from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.errors import OptiPlanError
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.robot.limits import ORDERS
 from optiplan.robot.mimic_joints import unfold
 from optiplan.robot.self_collision.pair_bounds import LocalBox

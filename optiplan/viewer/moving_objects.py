@@ -1,7 +1,6 @@
 """Where the objects and tools of a task are, from when on: in the world, in what holds them, or nowhere."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import pinocchio as pin
 
@@ -11,6 +10,7 @@ from optiplan.geometry.shape import Shape
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.steps import Attach, ChangeTool, Detach, TaskStep
 from optiplan.problem.task.timeline import mismatch, steps_in_time
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 

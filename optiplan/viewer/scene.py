@@ -1,7 +1,7 @@
 """Build `SceneData` from a problem and its runs: everything the page draws, as plain data."""
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from typing import Any
 
@@ -14,6 +14,7 @@ from optiplan.errors import OptiPlanError
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import build_geometry
 from optiplan.problem.problem import JointGoal, Problem
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 from optiplan.runs.common_bound import common_bound
 from optiplan.trajectory.trajectory import Trajectory

@@ -2,7 +2,6 @@
 
 import base64
 import logging
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from optiplan.geometry.meshes.box_surfaces import box_corners
 from optiplan.geometry.meshes.scene_graph import MeshPart, joined
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import Box, Capsule, Cylinder, Sphere, shape_of_body
+from optiplan.records import dataclass
 
 Colour = tuple[float, float, float, float]
 MAX_TRIANGLES = 20_000  # of one surface; more than that makes the page heavy and looks the same

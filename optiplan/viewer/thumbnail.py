@@ -3,7 +3,6 @@
 import base64
 import io
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -11,6 +10,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.geometry.shapes import build_geometry
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.run_data.curves import tool_points
 from optiplan.viewer.scene import obstacle_colour

@@ -1,11 +1,10 @@
 """Resolution, accuracy and repeatability, and what the resolution of the joints means at the tool."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.errors import OptiPlanError
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 
 TURN = 2.0 * np.pi

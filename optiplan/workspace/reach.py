@@ -1,12 +1,11 @@
 """The reach of an arm: its shoulder, and the least and the largest distance of the tool from it."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.errors import OptiPlanError
 from optiplan.kinematics.manipulability import ToolKinematics
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 
 _STARTS, _REFINED = 4096, 12

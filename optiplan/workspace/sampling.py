@@ -1,7 +1,6 @@
 """The workspace of an arm: joint space sampled or gridded, with self-collision, and counted in voxels."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +13,7 @@ from optiplan.cores import cores
 from optiplan.errors import OptiPlanError
 from optiplan.geometry.scene import HalfSpace, Obstacle, Scene
 from optiplan.kinematics.manipulability import ToolKinematics, manipulability_measures, scaled
+from optiplan.records import dataclass
 from optiplan.robot.reference import robot_file
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.workspace.accuracy import tool_error

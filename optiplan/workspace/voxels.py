@@ -1,11 +1,11 @@
 """The reach sphere cut into voxels: what was reached where, from how many directions, how dexterously."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from optiplan.arrays import Array, Index
+from optiplan.records import dataclass
 from optiplan.workspace.reach import Reach
 
 DIRECTIONS = 32

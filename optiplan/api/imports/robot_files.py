@@ -5,7 +5,7 @@ import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from optiplan.files import write_bytes, write_text
 from optiplan.importers.moveit import CLAMP
 from optiplan.importers.robots.description import Description
 from optiplan.problem.write import problem_text
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.robot.self_collision.pairs import srdf_words
 from optiplan.robot.urdf.elements import xml_text

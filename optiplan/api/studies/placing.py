@@ -1,7 +1,7 @@
 """`place`: where the robot should stand to do a task, and fastest."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from optiplan.problem.from_python import file_data
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
 from optiplan.problem.write import problem_text
+from optiplan.records import dataclass
 from optiplan.robot.reference import several_robots
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.runs.run import Run

@@ -2,11 +2,11 @@
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from optiplan.errors import InputError, Issue
 from optiplan.files import write_together
+from optiplan.records import dataclass
 from optiplan.runs.run_folder import check_folder
 
 

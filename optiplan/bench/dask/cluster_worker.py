@@ -7,7 +7,7 @@ import os
 import platform
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cache
 from importlib import metadata
 
@@ -15,6 +15,7 @@ from optiplan.bench.dask.file_transfer import BundleContents, keep, lacking, unp
 from optiplan.bench.execution.code_version import own_digest
 from optiplan.bench.execution.slot import WorkerSlot
 from optiplan.bench.results.records import BenchTask, Outcome
+from optiplan.records import dataclass
 from optiplan.runs.run import versions
 
 Bundles = Mapping[str, BundleContents]

@@ -9,7 +9,7 @@ import re
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -21,6 +21,7 @@ from optiplan.errors import OptiPlanError, named_reason
 from optiplan.files import read_bytes, reading
 from optiplan.problem.from_data import planned_robot
 from optiplan.problem.hashing import problem_hash, shape_files_of
+from optiplan.records import dataclass
 from optiplan.robot.robot import robot_names
 
 SCHEME = "travel://"

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from optiplan.bench.execution.machine import machine
@@ -13,6 +13,7 @@ from optiplan.bench.results.growth import grown, grown_code, suite_runs, suites_
 from optiplan.bench.results.records import ChangedError, Outcome
 from optiplan.bench.suite.suite import Suite, code_differences, hash_of_parts, suite_differences
 from optiplan.errors import InputError, Issue
+from optiplan.records import dataclass
 from optiplan.runs.run import versions
 
 Watch = Callable[[Outcome], None]

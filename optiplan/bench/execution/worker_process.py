@@ -8,11 +8,11 @@ import socket
 import subprocess
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any, Literal
 
 from optiplan.bench.execution import machine
+from optiplan.records import dataclass
 
 DeathKind = Literal["crashed", "out-of-memory", "timeout"]
 

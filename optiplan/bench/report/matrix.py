@@ -3,7 +3,6 @@
 import html
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 from urllib.parse import quote
 
@@ -22,6 +21,7 @@ from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.planners.base import Progress
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.thumbnail import HEIGHT, WIDTH, Thumbnail, drawn_path, thumbnail
 

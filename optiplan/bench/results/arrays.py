@@ -1,6 +1,5 @@
 """Runs of a suite as arrays: one entry per run, or a grid of tasks by planners."""
 
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,6 +7,7 @@ import numpy.typing as npt
 
 from optiplan.arrays import Array, Flags
 from optiplan.bench.results.database import Store
+from optiplan.records import dataclass
 
 Indices = npt.NDArray[np.int64]
 

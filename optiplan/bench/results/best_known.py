@@ -7,12 +7,13 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import astuple, dataclass, fields
+from dataclasses import astuple, fields
 from pathlib import Path
 
 from optiplan.bench.results.database import Store
 from optiplan.errors import InputError, Issue
 from optiplan.files import read_bytes, write_text
+from optiplan.records import dataclass
 
 LESS = 1e-9
 """Share of a duration by which another must be shorter to replace it: less is rounding."""

@@ -7,7 +7,6 @@ budget, hard limits and metrics, the content of a problem and the options and co
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from optiplan.bench.results.records import Key
 from optiplan.bench.suite.suite import code_differences, hash_of_parts, suite_differences
 from optiplan.config.messages import some
 from optiplan.errors import InputError, Issue
+from optiplan.records import dataclass
 
 SAME = ("budget", "limits", "metrics")
 """Parts of a suite that all runs of a folder have in common."""

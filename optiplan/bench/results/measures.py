@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from optiplan.arrays import Array, Flags
 from optiplan.bench.results.arrays import Indices, Runs, load_runs
 from optiplan.bench.results.database import Store
+from optiplan.records import dataclass
 from optiplan.robot.limits import joint_units
 
 ORDER = "ORDER BY problem, planner, seed, repetition"

@@ -1,11 +1,12 @@
 """Records exchanged between the runner and its workers, and stored: plain data, JSON-ready."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from typing import Any, Literal
 
 from optiplan.errors import OptiPlanError
 from optiplan.planners.base import FailureKind
+from optiplan.records import dataclass
 from optiplan.verify.report import jsonable
 
 Key = tuple[str, str, int, int]

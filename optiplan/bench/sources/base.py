@@ -5,13 +5,13 @@ raises `InputError` for a source that cannot be used; `Place` makes the issues, 
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
 from optiplan.bench.suite.schema import SourceSpec, expand_environment
 from optiplan.config.document import Document
 from optiplan.errors import InputError, Issue
+from optiplan.records import dataclass
 
 Item = TypeVar("Item")
 

@@ -1,6 +1,5 @@
 """More generators of scenes, as described in `tabletop_scenes.py`: walls, clutter, machines, aisles."""
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -23,6 +22,7 @@ from optiplan.bench.sources.tabletop_scenes import (
     rounded,
 )
 from optiplan.geometry.poses import pose_to_data
+from optiplan.records import dataclass
 
 
 @dataclass(frozen=True)

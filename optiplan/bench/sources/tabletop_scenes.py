@@ -8,13 +8,13 @@ can.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.records import dataclass
 
 Obstacle = dict[str, Any]
 Levels = Mapping[str, Mapping[str, Any]]

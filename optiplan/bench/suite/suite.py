@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -26,6 +26,7 @@ from optiplan.planners.registry import make_planner
 from optiplan.problem.from_data import goal_or_task, in_one_form, planned_robot
 from optiplan.problem.hashing import source_of
 from optiplan.problem.schema.problem import ProblemSpec
+from optiplan.records import dataclass
 from optiplan.runs.metrics import Metrics
 
 METRICS = (*(item.name for item in fields(Metrics)), *EXECUTION_METRICS)

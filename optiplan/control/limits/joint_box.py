@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from optiplan.control.braking import after, braking_accelerations, farthest, sto
 from optiplan.control.limits.base import ControlLimit
 from optiplan.control.limits.joint_limits import JointLimit, PositionLimit
 from optiplan.errors import wrong_argument
+from optiplan.records import dataclass
 from optiplan.trajectory.state import State
 
 ROUNDING = 1e-10

@@ -1,13 +1,12 @@
 """`RowLimit`: a limit of the robot's motion that is rows of the velocities at the end of a step."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.base import ControlLimit
 from optiplan.control.limits.joint_box import JointBox
+from optiplan.records import dataclass
 from optiplan.trajectory.state import State
 
 

@@ -1,7 +1,5 @@
 """Limits of distances that hold wherever the robot could stop: what clearance and half-spaces share."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from optiplan._core import core
@@ -9,6 +7,7 @@ from optiplan.arrays import Array, Flags, Index
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.base import ControlLimit
 from optiplan.control.limits.row_limit import LimitRows
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 
 BUFFER = 5e-4

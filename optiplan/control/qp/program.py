@@ -1,10 +1,9 @@
 """`Program`: minimise ½ xᵀ H x + gᵀ x within bounds, rows and equations."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.records import dataclass
 
 FEASIBLE = 1e-6
 """rad/s or m/s: by how much an accepted answer may leave rows of unit size; bounds are kept exactly, by clipping."""

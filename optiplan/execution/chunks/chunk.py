@@ -1,7 +1,7 @@
 """`Chunk`: what became of a chunk of set-points, and the motion to send."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Literal
 
 import numpy as np
@@ -12,6 +12,7 @@ from optiplan.errors import wrong_argument
 from optiplan.geometry.scene import Scene
 from optiplan.problem.goals_and_vias import JointGoal
 from optiplan.problem.problem import Problem, derived
+from optiplan.records import dataclass
 from optiplan.trajectory.joining import cut_trajectory, standstill
 from optiplan.trajectory.state import State
 from optiplan.trajectory.trajectory import Trajectory

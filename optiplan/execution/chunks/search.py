@@ -1,7 +1,7 @@
 """The search behind `certify`: the chunk as it is, the nearest one, stops; each is proved before it is an answer."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from threading import Lock
 from typing import NamedTuple
 
@@ -12,6 +12,7 @@ from optiplan._core import core
 from optiplan.arrays import Array, Flags
 from optiplan.execution.chunks.chunk import Chunk, Outcome
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.warm_proof import MotionVerdict, Polynomials, WarmProof
 

@@ -1,12 +1,12 @@
 """The four calls of every driver."""
 
-from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from optiplan.arrays import number_argument
 from optiplan.errors import OptiPlanError, described, flag_argument, text_argument, wrong_argument
 from optiplan.execution.measurement import Measurement
 from optiplan.execution.status import Tick
+from optiplan.records import dataclass
 
 Quantity = Literal["position", "velocity", "torque"]
 """What a driver takes of a set-point."""

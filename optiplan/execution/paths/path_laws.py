@@ -12,7 +12,6 @@ the path, and the torque limits by values and a bound on |tau''|.
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -21,6 +20,7 @@ from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.errors import OptiPlanError, whole_argument
 from optiplan.execution.status import Stopping
+from optiplan.records import dataclass
 from optiplan.robot.native_tree import native_tree
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory import polynomial

@@ -1,6 +1,6 @@
 """The path of a verified run, from which stretch to which it may be run forwards and backwards, and its laws."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -18,6 +18,7 @@ from optiplan.problem.constraints.motions import ToolAcceleration
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.rides import WaitUntil
 from optiplan.problem.task.timeline import part_of_last_event, scene_parts
+from optiplan.records import dataclass
 from optiplan.runs.run import Run
 from optiplan.trajectory.segments import EVENTS, Segment
 from optiplan.trajectory.trajectory import Trajectory

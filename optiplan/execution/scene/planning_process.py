@@ -4,7 +4,7 @@ import logging
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING
 
@@ -26,6 +26,7 @@ from optiplan.execution.scene.policy import Policy
 from optiplan.execution.scene.scene_watch import SceneWatch
 from optiplan.execution.scene.seen_scene import SeenScene
 from optiplan.geometry.safety import SafePairs
+from optiplan.records import dataclass
 from optiplan.runs.run import Run
 from optiplan.trajectory.state import State
 

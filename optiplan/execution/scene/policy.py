@@ -1,7 +1,6 @@
 """Policies: what a robot does where obstacles block its path."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from optiplan.arrays import number_argument
@@ -9,6 +8,7 @@ from optiplan.errors import choice_argument, described, wrong_argument
 from optiplan.execution.paths.path_laws import PathLaws, PathPlace, rests
 from optiplan.execution.scene.separation import Separation
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 
 if TYPE_CHECKING:
     from optiplan._core._core_base import TimeLaw

@@ -1,7 +1,7 @@
 """What obstacles block of the rest of a path, after they have moved."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -16,6 +16,7 @@ from optiplan.execution.paths.path_laws import resting_place
 from optiplan.execution.paths.proved_path import PathStretch, ProvedPath
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shape import Shape
+from optiplan.records import dataclass
 from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.trajectory import Trajectory
 

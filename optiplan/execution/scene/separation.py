@@ -16,7 +16,7 @@ At standstill nothing is asked, since a robot that stands still cannot run into 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -29,6 +29,7 @@ from optiplan.execution.paths.proved_path import PathStretch, ProvedPath
 from optiplan.execution.scene.scene_watch import SceneWatch, SeenObstacle
 from optiplan.execution.status import KeptSeparation
 from optiplan.geometry.shape import Shape
+from optiplan.records import dataclass
 
 if TYPE_CHECKING:
     from optiplan._core._core_base import TimeLaw

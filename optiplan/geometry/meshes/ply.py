@@ -6,13 +6,14 @@ file that is cut off within its last number.
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 from typing import Any
 
 import numpy as np
 
 from optiplan.geometry.meshes.triangles import MOST_TRIANGLES, MeshError, Soup, check_numbers, triangulate
+from optiplan.records import dataclass
 
 PLY_TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),

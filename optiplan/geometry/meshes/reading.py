@@ -10,7 +10,6 @@ import subprocess
 import sys
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
 from typing import Literal, NamedTuple
@@ -18,6 +17,7 @@ from typing import Literal, NamedTuple
 import optiplan
 from optiplan import cache, files
 from optiplan.geometry.meshes.triangles import MeshError, Soup, pack_soup, unpack_soup
+from optiplan.records import dataclass
 
 FORMATS = "STL, OBJ, DAE, PLY or GLB"
 POINT_FORMATS = "PLY, PCD or NPZ"

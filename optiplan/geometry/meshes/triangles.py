@@ -1,13 +1,14 @@
 """Triangle meshes: the content of a mesh file, the error for an unusable one, and triangulation of polygons."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from optiplan.arrays import Array
+from optiplan.records import dataclass
 
 Triangles = npt.NDArray[np.int64]
 Number = TypeVar("Number", int, float)

@@ -1,10 +1,11 @@
 """What an importer makes of another program's robot: a URDF, files beside it, keys of the robot.yaml, and remarks."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
+from optiplan.records import dataclass
 from optiplan.robot.urdf.srdf import LinkPair
 
 

@@ -10,7 +10,6 @@ all others          left out with a remark: kinematics, controllers, planners, s
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from optiplan.files import is_file, read_bytes
 from optiplan.importers.robots.description import Description
 from optiplan.importers.robots.srdf_groups import read_groups
 from optiplan.importers.robots.xacro_files import expand_xacro
+from optiplan.records import dataclass
 from optiplan.robot.urdf.elements import parsed_xml, xml_text
 from optiplan.robot.urdf.reader import UrdfSource, read_urdf, with_found_meshes
 from optiplan.robot.urdf.ros_packages import RosPackages

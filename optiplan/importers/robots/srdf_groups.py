@@ -2,11 +2,12 @@
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 from optiplan.config.messages import choices
 from optiplan.errors import InputError, Issue
+from optiplan.records import dataclass
 from optiplan.robot.joint_groups import MOVABLE
 from optiplan.robot.urdf.reader import UrdfSource, build_model
 

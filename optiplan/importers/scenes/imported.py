@@ -1,7 +1,7 @@
 """What an importer makes of another program's scene: obstacles, mesh files beside the problem file, remarks."""
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from optiplan.geometry.meshes.triangles import Triangles
 from optiplan.geometry.poses import pose_to_data
 from optiplan.importers.robots.polyhedra import mesh_file, obj_text
 from optiplan.problem.schema.scene import WORLD
+from optiplan.records import dataclass
 
 
 @dataclass

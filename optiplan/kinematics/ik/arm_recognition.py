@@ -10,12 +10,11 @@ at q = 0. A point of the x-z plane is the complex number z + i x; a rotation by 
 Source of the conditions: Pieper, "The kinematics of manipulators under computer control", Stanford, 1968.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.records import dataclass
 from optiplan.robot.batched.kinematics import BatchKinematics
 
 TOLERANCE = 1e-6

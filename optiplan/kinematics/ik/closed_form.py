@@ -12,7 +12,6 @@ even at singularities. Sources: Pieper 1968; Hawkins, "Analytic inverse kinemati
 UR-5/UR-10 arms", 2013.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -22,6 +21,7 @@ import pinocchio as pin
 from optiplan.arrays import Array, Flags, Index
 from optiplan.kinematics.ik.arm_recognition import ArmGeometry, recognise
 from optiplan.kinematics.ik.closed_form_branches import SIGNS, Places, branch_names, spherical_wrist, three_parallel
+from optiplan.records import dataclass
 from optiplan.robot.batched.kinematics import BatchKinematics, inverse_poses
 from optiplan.robot.frames import pose_errors
 from optiplan.robot.robot import Robot

@@ -1,6 +1,5 @@
 """The angles of one branch of the closed forms, for arrays of poses; formulas in `closed_form`."""
 
-from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
 
@@ -9,6 +8,7 @@ import numpy.typing as npt
 
 from optiplan.arrays import Array
 from optiplan.kinematics.ik.arm_recognition import TOLERANCE, ArmGeometry
+from optiplan.records import dataclass
 
 Complex = npt.NDArray[np.complex128]
 """Points z + i x of the plane in which the links move."""

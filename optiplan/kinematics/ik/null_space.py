@@ -1,12 +1,11 @@
 """Choose among the solutions of a redundant arm: descent in the null space, at a constant pose."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.errors import UnknownChoiceError
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
+from optiplan.records import dataclass
 from optiplan.robot.limits import Limits
 
 AIMS = ("middle", "reference", "manipulability")

@@ -1,7 +1,7 @@
 """Numeric inverse kinematics: damped least squares from many starts, within joint limits."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,7 @@ from optiplan.geometry.poses import pose_error
 from optiplan.kinematics.ik.joint_wraps import apart
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
 from optiplan.kinematics.ik.null_space import Preference, improve
+from optiplan.records import dataclass
 from optiplan.robot.batched.kinematics import carrying_joints
 from optiplan.robot.mimic_joints import coupling
 from optiplan.robot.robot import Robot

@@ -1,7 +1,7 @@
 """Inverse kinematics of any robot: in closed form where the arm allows it, else from many starts."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 
 import numpy as np
@@ -13,6 +13,7 @@ from optiplan.kinematics.ik.closed_form import Solutions, closed_form
 from optiplan.kinematics.ik.joint_wraps import apart, images, whole_turns
 from optiplan.kinematics.ik.numeric import IkOptions, IkResult, joints_that_move, random_seeds, solve_ik
 from optiplan.kinematics.singularities import NAMES
+from optiplan.records import dataclass
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
 

@@ -1,7 +1,7 @@
 """The symbolic twin of a robot: its kinematics and dynamics as CasADi functions, to be mapped and differentiated."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import Any
 
@@ -12,6 +12,7 @@ from optiplan.arrays import Array
 from optiplan.errors import UnknownChoiceError
 from optiplan.kinematics.symbolic import tree as expressions
 from optiplan.kinematics.symbolic.compiled import compiled, load_casadi
+from optiplan.records import dataclass
 from optiplan.robot.mimic_joints import Unfolded, unfold
 
 REFERENCES = ("local_world_aligned", "local")

@@ -2,7 +2,6 @@
 
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from optiplan.arrays import Array
 from optiplan.errors import UnknownChoiceError
 from optiplan.kinematics.symbolic.compiled import as_machine_code, load_casadi
 from optiplan.kinematics.symbolic.functions import ALL_ROWS, SymbolicRobot
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 
 

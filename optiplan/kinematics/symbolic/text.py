@@ -2,7 +2,6 @@
 
 from collections import defaultdict
 from collections.abc import Iterable
-from dataclasses import dataclass
 from itertools import pairwise, product
 from math import prod
 from operator import add
@@ -12,6 +11,7 @@ import numpy as np
 
 from optiplan.errors import OptiPlanError
 from optiplan.kinematics.symbolic.functions import SymbolicRobot
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 
 MOST_JOINTS = 6

@@ -4,7 +4,6 @@ Motions are pairs (linear, angular) and forces pairs (force, moment), in the axe
 as in pinocchio. Source of the recursions: Featherstone, Rigid Body Dynamics Algorithms, 2008, tables 5.1 and 2.8.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.kinematics.symbolic.compiled import load_casadi
+from optiplan.records import dataclass
 
 KINDS = {
     "JointModelR": "revolute",

@@ -1,6 +1,5 @@
 """`arc` (moveC): the tool moves along a circle to the goal's position, through a point or about a centre."""
 
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -10,6 +9,7 @@ from optiplan.arrays import Array
 from optiplan.planners.cartesian.base import ToolMotion, ToolMotionOptions
 from optiplan.planners.cartesian.tool_path import ToolPath, angle_about, arc, circle_through
 from optiplan.planners.option_schema import OptionError, option, option_error
+from optiplan.records import dataclass
 
 _OFF = 1e-3  # m or rad: largest deviation of a given centre, normal or angle from one that fits exactly
 _SHORTEST = 1e-6  # m: ends of an arc that are nearer are one point

@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
@@ -24,6 +24,7 @@ from optiplan.planners.path_constraints.tool_limits import tool_limits
 from optiplan.planners.point_to_point.quintic import Quintic
 from optiplan.planners.sampling.tree_planners import RrtConnect
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem, derived
+from optiplan.records import dataclass
 from optiplan.robot.frames import frame_pose
 from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.timing.time_path import Method, TimingOptions, time_path

@@ -1,6 +1,5 @@
 """`circle`: the tool goes round and ends where it started; the goal is the start's own configuration or pose."""
 
-from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
@@ -12,6 +11,7 @@ from optiplan.geometry.poses import pose_error
 from optiplan.planners.cartesian.base import ToolMotion, ToolMotionOptions
 from optiplan.planners.cartesian.tool_path import ToolPath, circle
 from optiplan.planners.option_schema import OptionError, option, option_error
+from optiplan.records import dataclass
 
 _PLANES = {"xy": (0, 1), "yz": (1, 2), "xz": (0, 2)}
 """The two axes that span a plane; the second points to the circle's top."""

@@ -1,6 +1,6 @@
 """Why a tool path cannot be followed any further: the place, the pose and the cause, as a `Failure`."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import contact_witness
 from optiplan.planners.common.refused_path import refused_path
 from optiplan.planners.common.tolerances import POSITION_LIMIT_ROUNDING
+from optiplan.records import dataclass
 from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot
 from optiplan.trajectory import polynomial

@@ -9,7 +9,7 @@ where V is the twist of the path and d the drift of the redundancy: away from li
 goal configuration. The second derivative keeps J_z z'' = V' - J' q', so that the tool stays on its path whatever d.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +18,7 @@ from optiplan.arrays import Array
 from optiplan.planners.cartesian.tool_path import FollowedPath
 from optiplan.problem.constraints.poses import RelativePose
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.robot.robot import Limits, Robot
 
 LIMIT_AVOIDANCES = (4.0, 20.0)

@@ -6,8 +6,6 @@ polynomial keeps the tool on the path between the knots; otherwise it is made sh
 continuously differentiable. It cannot jump to another branch: between two branches the tool would leave its path.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from optiplan.arrays import Array
@@ -17,6 +15,7 @@ from optiplan.planners.cartesian.diagnosis import Ending, first_ending, stuck
 from optiplan.planners.cartesian.differential_ik import Tracker
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.tolerances import NO_MOTION
+from optiplan.records import dataclass
 from optiplan.trajectory.joining import standstill
 from optiplan.trajectory.paths.hermite import hermite, hermite_trajectory
 from optiplan.trajectory.trajectory import Trajectory

@@ -1,7 +1,5 @@
 """`screw`: the tool turns about one axis and slides along it, both evenly: X(s) = X(0) exp(s log(X(0)^-1 X(1)))."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pinocchio as pin
 
@@ -9,6 +7,7 @@ from optiplan.geometry.poses import pose_error, pose_to_data
 from optiplan.planners.cartesian.base import ToolMotion, ToolMotionOptions
 from optiplan.planners.cartesian.tool_path import ToolPath, screw, screw_about
 from optiplan.planners.option_schema import OptionError, option, option_error
+from optiplan.records import dataclass
 
 
 @dataclass(frozen=True)

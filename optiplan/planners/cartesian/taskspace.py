@@ -5,7 +5,7 @@ goal. Then, if `lead` allows it, it follows a configuration that runs ahead of i
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from optiplan.planners.option_schema import PlannerOptions, option
 from optiplan.planners.sampling.sample_path import SamplingOptions, path_check, sample_path
 from optiplan.planners.sampling.shrunk_obstacles import thinned
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.records import dataclass
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.limits import ORDERS
 from optiplan.trajectory.from_samples import from_samples

@@ -9,7 +9,6 @@ has a = 0, an arc has a perpendicular to u, a screw has a = w. Nothing is divide
 little rotation need no case of their own.
 """
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -18,6 +17,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.problem.constraints.base import circle_of
+from optiplan.records import dataclass
 
 _STRAIGHT = 1e-9  # rad: smaller rotations have no axis
 _IN_LINE = 1e-5  # as a sine: rounding of three points in line, an arc with a radius of kilometres

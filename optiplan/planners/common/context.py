@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from optiplan.collision.kept_models import kept_planning_model
 from optiplan.collision.model import CollisionModel
 from optiplan.libraries import clock
 from optiplan.planners.base import Budget
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 
 
 class Stopwatch:

@@ -1,6 +1,5 @@
 """Move goal configurations nearer to the start within a pose's tolerance and along an arm's redundancy."""
 
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -12,6 +11,7 @@ from optiplan.kinematics.ik.numeric import joints_that_move
 from optiplan.libraries import loading
 from optiplan.problem.problem import PoseGoal, Problem, RegionGoal
 from optiplan.problem.regions.sampling import RegionSampler
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.timing.lower_bound import joint_times, lower_bound
 

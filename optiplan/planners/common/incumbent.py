@@ -1,7 +1,7 @@
 """The incumbent of a search: the best motion found so far, and the earlier best ones."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from optiplan.libraries import clock
 from optiplan.planners.base import Candidate, Failure, PlanResult, Progress, announce
 from optiplan.planners.common.context import Stopwatch
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 
 _NO_GAIN = 1e-6

@@ -1,12 +1,12 @@
 """Find the worst limit violation of a motion, on exact extrema, and report it as a `limits` failure."""
 
-from dataclasses import dataclass
 from math import ceil, floor, log10
 
 import numpy as np
 
 from optiplan.planners.base import Failure
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.limits import ORDERS
 from optiplan.robot.robot import Limits, Robot

@@ -5,7 +5,7 @@ between: then it cruises there. The acceleration jumps, so that only a problem w
 verified. In a longer duration than the shortest: with the least acceleration that makes it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from optiplan.arrays import Array
 from optiplan.planners.option_schema import option
 from optiplan.planners.point_to_point.base import SIZE, PointToPoint, Profile, ProfileOptions
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.trajectory.profiles.laws import BangBang
 from optiplan.trajectory.profiles.synchronisation import RestToRest
 

@@ -1,7 +1,6 @@
 """Base of the point-to-point planners: check each goal's motion against limits, obstacles and motor torques."""
 
 from abc import abstractmethod
-from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 from optiplan.arrays import Array
@@ -17,6 +16,7 @@ from optiplan.planners.common.limit_violations import acceleration_steps, beyond
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.option_schema import PlannerOptions, option
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.profiles.synchronisation import Synchronisation
 from optiplan.trajectory.trajectory import Trajectory

@@ -6,14 +6,13 @@ allow; with nothing the motion is the fastest of its kind. The acceleration jump
 `limits: {jerk: none}` can have it verified.
 """
 
-from dataclasses import dataclass
-
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
 from optiplan.planners.common.limit_violations import rounded_up
 from optiplan.planners.option_schema import OptionError, option
 from optiplan.planners.point_to_point.base import SIZE, PointToPoint, Profile, ProfileOptions
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.robot.limits import ORDERS
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.profiles.laws import Law, Trapezoid

@@ -9,14 +9,13 @@ The cubic's acceleration jumps at both ends: only a problem with `limits: {jerk:
 septic's jerk starts and ends at 0 as well, at the price of higher peaks.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.planners.option_schema import option, option_error
 from optiplan.planners.point_to_point.base import PointToPoint, Profile, ProfileOptions
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.trajectory.paths.hermite import Hermite
 from optiplan.trajectory.profiles.laws import CUBIC, SEPTIC, PolynomialLaw
 from optiplan.trajectory.profiles.synchronisation import RestToRest

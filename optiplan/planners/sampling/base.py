@@ -1,7 +1,7 @@
 """Base of the sampling planners: goals, a sampled path to one of them, then smoothing and timing."""
 
 from abc import abstractmethod
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Literal, TypeVar
 
 from optiplan.collision.kept_models import kept_planning_model
@@ -18,6 +18,7 @@ from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions,
 from optiplan.planners.sampling.search import Searcher
 from optiplan.planners.sampling.smoothing import smooth_path
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path
 from optiplan.trajectory.trajectory import Trajectory
 

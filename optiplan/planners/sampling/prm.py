@@ -1,7 +1,6 @@
 """`prm`: a roadmap of the scene, reused by later queries of the same planner object."""
 
 from collections import OrderedDict
-from dataclasses import dataclass
 from math import inf
 
 from optiplan.collision.model import CollisionModel
@@ -14,6 +13,7 @@ from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_space import Ends, search_bounds
 from optiplan.planners.sampling.roadmap import Roadmap
 from optiplan.planners.sampling.search import Search
+from optiplan.records import dataclass
 
 _KEPT = 4  # roadmaps kept: those of the latest scenes
 

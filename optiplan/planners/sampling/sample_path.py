@@ -1,7 +1,7 @@
 """Find a free path from a start to one of several goals: search, shorten, every segment proved."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 from itertools import cycle
 from math import ceil
@@ -22,6 +22,7 @@ from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_
 from optiplan.planners.sampling.ompl_space import Ends
 from optiplan.planners.sampling.search import Search, Searcher
 from optiplan.planners.sampling.shortcutting import path_cost, path_times, shorten
+from optiplan.records import dataclass
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 

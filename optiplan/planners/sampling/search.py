@@ -1,6 +1,5 @@
 """Options and results of a search for a path; RRT-Connect in the native core."""
 
-from dataclasses import dataclass
 from math import ceil, inf
 from typing import Literal, NamedTuple, Protocol
 
@@ -11,6 +10,7 @@ from optiplan.arrays import Array, Flags
 from optiplan.planners.base import Budget
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_space import Ends, search_bounds
+from optiplan.records import dataclass
 
 Kind = Literal["rrtconnect", "rrtstar", "informed_rrtstar", "bitstar", "kpiece"]
 

@@ -1,6 +1,5 @@
 """Planners that grow trees: `rrtconnect`, `kpiece`, `rrtstar`, `informed_rrtstar` and `bitstar`."""
 
-from dataclasses import dataclass
 from functools import partial
 
 from optiplan.planners.option_schema import option
@@ -8,6 +7,7 @@ from optiplan.planners.sampling.base import SampledOptions, SamplingPlanner, Sea
 from optiplan.planners.sampling.constrained.planner import ConstrainedSearch
 from optiplan.planners.sampling.ompl_search import search
 from optiplan.planners.sampling.search import Kind, SearchOptions
+from optiplan.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
 """Options of `sclerp`."""
 
-from dataclasses import dataclass
 from typing import Literal
 
 from optiplan.planners.option_schema import OptionError, PlannerOptions, option
+from optiplan.records import dataclass
 
 Scheme = Literal["corrected", "damped", "qp"]
 JointLimits = Literal["reflect", "clip", "qp"]

@@ -1,7 +1,6 @@
 """The scheme `qp`: along the screw itself, every step a quadratic program within position and velocity limits."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +11,7 @@ from optiplan.geometry.dual_quaternion import DualQuaternion
 from optiplan.planners.sclerp.bounded_least_squares import bounded_least_squares
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.screw_kinematics import ScrewTool
+from optiplan.records import dataclass
 
 _CLOSE = 1e-10  # m and rad: how near to the screw a step has to end
 _CORRECTIONS = 8

@@ -7,7 +7,6 @@ Source: a course report on screw linear interpolation for Baxter; its errors: do
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +16,7 @@ from optiplan.geometry.dual_quaternion import DualQuaternion
 from optiplan.planners.sclerp.bounded_least_squares import bounded_least_squares
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.screw_kinematics import ScrewTool
+from optiplan.records import dataclass
 
 REFLECTION = 1.1
 _LEAST_MOTION = 1e-10  # weight of |dq|² beside the squared error of the twist, so that one dq is the best

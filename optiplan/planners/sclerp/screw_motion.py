@@ -1,6 +1,6 @@
 """Find the joint path of the chosen scheme along one screw, or the place of its failure."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.qp_stepping import ScrewMotion, ScrewStepper, SteppedPath
 from optiplan.planners.sclerp.schemes import SchemeResult, iterate_scheme
 from optiplan.planners.sclerp.screw_kinematics import ScrewTool
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 
 

@@ -4,8 +4,6 @@ An edge from one rung to the next costs the integral of sum_j (q_j' / limit_j)²
 and there is none where a joint would pass its speed limit. A jump from one branch to another would, so none is taken.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from optiplan.arrays import Array, Index
@@ -15,6 +13,7 @@ from optiplan.planners.seams.rungs import Rungs
 from optiplan.planners.tours.travel_times import TravelTimes
 from optiplan.problem.problem import Problem
 from optiplan.problem.seams.actions import SeamPath
+from optiplan.records import dataclass
 
 _SPACING, _MOST = 0.02, 1200
 """m between rungs, and how many at most."""

@@ -5,7 +5,6 @@ a share of its limit, is made small (Gauss-Newton). Steps lie in what the path l
 after each. Joints near their limits, axes near the edge of their cone, and peaks count more from step to step.
 """
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +13,7 @@ from optiplan.arrays import Array, Flags
 from optiplan.libraries import loading
 from optiplan.planners.seams.seam_tool import SeamTool, ToolPlaces
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 
 if TYPE_CHECKING:
     import scipy.sparse as sp

@@ -4,7 +4,7 @@ Of arms with a closed form these are all branches at many turns about the tool's
 others they are those of the place before, carried on and moved in what is free, and some from random configurations.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +16,7 @@ from optiplan.kinematics.ik.numeric import random_seeds
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.seams.seam_tool import SeamTool, ToolPlaces
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 
 _REACHED = 1e-6
 """m and rad: largest error of a configuration that counts."""

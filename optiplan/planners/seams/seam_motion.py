@@ -7,7 +7,7 @@ and loses it likewise after the last one. With ramps that law is s(t) itself, ne
 
 import itertools
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from optiplan.planners.common.limit_violations import Excess, excess
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.seams.seam_tool import SeamTool
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.paths.hermite import hermite_trajectory
 from optiplan.trajectory.trajectory import Trajectory

@@ -1,6 +1,6 @@
 """Find the motion along a path of the tool: posture, smoothing, timing, and the way to where it begins."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from optiplan.planners.seams.seam_tool import SeamTool
 from optiplan.problem.goals_and_vias import ExactGoal
 from optiplan.problem.problem import Problem, derived
 from optiplan.problem.seams.actions import SeamPath
+from optiplan.records import dataclass
 from optiplan.robot.limits import ORDERS
 from optiplan.trajectory.trajectory import Trajectory
 

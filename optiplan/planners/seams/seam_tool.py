@@ -5,12 +5,11 @@ z axis to its direction, seen across it (two rows), or as far as its cone; or th
 correction is the shortest in z = q / velocity limit: dq = D J_z^T (J_z J_z^T + damping)^-1 e, J_z = J D.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
 from optiplan.problem.seams.actions import SeamPath
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 
 _LONGEST = 0.4

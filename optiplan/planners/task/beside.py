@@ -7,7 +7,7 @@ then. When the other arms rest it is as free as it was planned, so there is alwa
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import groupby, pairwise
 
 import numpy as np
@@ -25,6 +25,7 @@ from optiplan.problem.task.arms import in_time_order, joints_of_arms, of_one_arm
 from optiplan.problem.task.scene_change import scene_after
 from optiplan.problem.task.steps import Attach, Detach, TaskStep
 from optiplan.problem.task.timeline import MEETING, states_its_end
+from optiplan.records import dataclass
 from optiplan.trajectory.joining import (
     beside_each_other,
     cut_trajectory,

@@ -7,13 +7,12 @@ line and joins the other twice continuously differentiably, f' + g' = 1, and sta
 about the axes of both lines overlap in the same way.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, cross
 from optiplan.planners.cartesian.tool_path import line
+from optiplan.records import dataclass
 
 _LEAST = 1e-6
 """m: shorter lines, and smaller radii, have no blend."""

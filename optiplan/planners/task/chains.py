@@ -1,7 +1,7 @@
 """Do the steps that follow a move and leave no choice: lines, grippers, attaching, detaching, dwelling."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import zip_longest
 from typing import Any
 
@@ -35,6 +35,7 @@ from optiplan.problem.task.steps import (
     StraightLine,
     TaskStep,
 )
+from optiplan.records import dataclass
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.timing.stops import stop_at_corners

@@ -10,7 +10,6 @@ derivatives at both of its ends. Between two moves both parts are replaced, and 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -23,6 +22,7 @@ from optiplan.planners.common.tolerances import NO_MOTION, POSITION_LIMIT_ROUNDI
 from optiplan.planners.task.planned_steps import Group, Pause, PlannedMotion, Stretch, TaskPart
 from optiplan.planners.task.smooth_runs import SmoothRun, path_state, smooth_runs
 from optiplan.planners.task.stops import why_stop
+from optiplan.records import dataclass
 from optiplan.trajectory.joining import cut_trajectory, join_trajectories
 from optiplan.trajectory.paths.hermite import hermite_trajectory
 from optiplan.trajectory.timing.compose import time_of

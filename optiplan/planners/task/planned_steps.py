@@ -1,7 +1,7 @@
 """Steps of a task that are planned: events, motions, motions of several steps in one go, and all as one motion."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 from optiplan.planners.path_constraints.tool_limits import all_tool_limits
@@ -9,6 +9,7 @@ from optiplan.planners.task.blends import Corner
 from optiplan.planners.task.stages import Stage, WorldState
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.steps import Attach, ChangeTool, Detach, StraightLine, TaskStep
+from optiplan.records import dataclass
 from optiplan.trajectory.joining import join_trajectories, standstill, with_resting_joints
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.timing.path_constraints import ToolLimits

@@ -7,7 +7,7 @@ cheapest path is planned, edge by edge, until one holds (Dellin and Srinivasa 20
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -27,6 +27,7 @@ from optiplan.planners.task.stops import ends_in_motion
 from optiplan.problem.goals_and_vias import ExactGoal
 from optiplan.problem.problem import Goal, Problem
 from optiplan.problem.task.steps import Move, TaskStep
+from optiplan.records import dataclass
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 
 _CANDIDATES, _MORE = 8, 24

@@ -1,7 +1,7 @@
 """Do a task section by section: its tours, and the steps between them."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 from optiplan.planners.base import Budget, Failure, Planner, Progress, stages_of
@@ -18,6 +18,7 @@ from optiplan.problem.seams.actions import Passing, SeamPath
 from optiplan.problem.seams.seam_steps import seam_steps
 from optiplan.problem.task.steps import Dwell, TargetTour, TaskStep
 from optiplan.problem.task.tour_steps import tour_steps
+from optiplan.records import dataclass
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path
 
 _TOUR = 0.9

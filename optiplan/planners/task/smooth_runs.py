@@ -1,13 +1,13 @@
 """Steps of a task that are one smooth curve: a move, a line, or lines whose corners are rounded off."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.planners.task.planned_steps import PlannedMotion
+from optiplan.records import dataclass
 from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.timing.path_constraints import ToolLimits

@@ -1,6 +1,6 @@
 """Stages: a robot of the joints that move in a step, in the scene of that moment."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.problem import Goal, Problem, Via, derived
 from optiplan.problem.task.scene_change import carrying, columns, scene_during, standing
 from optiplan.problem.task.steps import TaskStep
+from optiplan.records import dataclass
 
 _SAME_POSITION = 1e-12
 """rad or m: resting joints that differ by less are in one place."""

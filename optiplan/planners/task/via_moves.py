@@ -1,7 +1,7 @@
 """Vias as moves: a motion past points is a task whose moves go from each of them to the next."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from optiplan.planners.base import Failure, Planner
@@ -9,6 +9,7 @@ from optiplan.problem.constraints.base import WHOLE
 from optiplan.problem.problem import Problem, derived
 from optiplan.problem.seams.actions import SeamPath
 from optiplan.problem.task.steps import Event, Move, TargetTour, TaskStep
+from optiplan.records import dataclass
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
 

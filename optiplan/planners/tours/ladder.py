@@ -1,7 +1,7 @@
 """The cheapest configurations along a tour in a given order: dynamic programming over the layers of its targets."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from optiplan.arrays import Array
 from optiplan.planners.tours.travel_times import TravelTimes
 from optiplan.planners.tours.vertices import Layer
 from optiplan.problem.task.steps import TargetTour
+from optiplan.records import dataclass
 
 START = -1
 """Number of the configuration in which a tour begins, and the target that stands for it."""

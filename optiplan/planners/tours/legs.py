@@ -1,6 +1,6 @@
 """Motions between the configurations of a tour: straight in the joints where that is free, else planned."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.problem.goals_and_vias import ExactGoal
 from optiplan.problem.problem import Problem, derived
+from optiplan.records import dataclass
 from optiplan.trajectory.profiles.laws import SCurve
 from optiplan.trajectory.profiles.synchronisation import RestToRest
 from optiplan.trajectory.trajectory import Trajectory

@@ -7,7 +7,7 @@ are planned and proved afterwards.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -26,6 +26,7 @@ from optiplan.problem.problem import Problem, derived
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.task.scene_change import columns
 from optiplan.problem.task.steps import Move, StraightLine, Target, TargetTour
+from optiplan.records import dataclass
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
 

@@ -7,7 +7,7 @@ Straight motions are checked as soon as a tour uses them; one that is not free i
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -28,6 +28,7 @@ from optiplan.planners.tours.travel_times import TravelTimes
 from optiplan.planners.tours.vertices import Layer, Vertices
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.steps import TargetTour
+from optiplan.records import dataclass
 from optiplan.trajectory.joining import standstill
 from optiplan.trajectory.trajectory import Trajectory
 

@@ -1,7 +1,7 @@
 """Vertices of a tour: configurations that put the tool at its targets, free and within limits."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import cycle
 
@@ -24,6 +24,7 @@ from optiplan.problem.problem import Problem, derived
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.sampling import RegionSampler
 from optiplan.problem.task.steps import TargetTour
+from optiplan.records import dataclass
 from optiplan.robot.frames import frame_pose
 
 _NUMERIC, _STARTS = 12, 60

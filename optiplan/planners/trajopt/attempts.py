@@ -1,6 +1,6 @@
 """Attempts of `trajopt`: optimise an initial guess, keep the result, refine the best curve."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Literal
 
 import numpy as np
@@ -15,6 +15,7 @@ from optiplan.planners.trajopt.optimizer import Attempt, AttemptOptions, Optimis
 from optiplan.planners.trajopt.speculative_attempts import SpeculativeAttempts
 from optiplan.planners.trajopt.stopping_rule import Patience
 from optiplan.problem.problem import JointGoal
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 
 _CLOSE, _CLOSEST = 0.4, 0.2

@@ -1,6 +1,6 @@
 """Short descents of coarse curves: estimate the motion along a sampled path before it is optimised."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.program.native_sqp import NativeSqp
 from optiplan.planners.trajopt.program.sqp import STUCK, WORSE, DescentOptions
 from optiplan.planners.trajopt.stopping_rule import Patience
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 
 _SPANS, _SAMPLES, _SPACING = 14, 40, 0.05

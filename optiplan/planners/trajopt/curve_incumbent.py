@@ -1,6 +1,5 @@
 """The incumbent of the optimiser: the best motion, and the curve that refining and bumps begin with."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -8,6 +7,7 @@ import numpy as np
 from optiplan.planners.common.incumbent import Incumbent
 from optiplan.planners.path_constraints.motion_check import PathConstraints
 from optiplan.planners.trajopt.optimizer import Attempt
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 
 

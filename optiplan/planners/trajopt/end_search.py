@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from optiplan.planners.trajopt.coarse_descents import CoarseCurve
 from optiplan.planners.trajopt.curve_incumbent import CurveIncumbent
 from optiplan.planners.trajopt.path_search import PathSearch
 from optiplan.planners.trajopt.stopping_rule import SAME, EndsInVain
+from optiplan.records import dataclass
 
 _SEARCH = 0.1
 """Work, s, of a search for a path to one end."""

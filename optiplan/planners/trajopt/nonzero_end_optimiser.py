@@ -1,7 +1,7 @@
 """Optimise curves with motion at their ends: the first and last three control points depend on the duration."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from optiplan.planners.trajopt.optimizer import ACTIVE, Attempt, Optimiser
 from optiplan.planners.trajopt.program.iteration_log import NOTHING
 from optiplan.planners.trajopt.program.sqp import MAX_VIOLATION, STUCK, Descended, Descender, DescentOptions
 from optiplan.problem.problem import Problem, derived
+from optiplan.records import dataclass
 from optiplan.trajectory.state import State
 from optiplan.trajectory.timing.time_scaling import speed_ratio
 from optiplan.trajectory.timing.torque_scaling import RESERVE, torque_scale, torque_share

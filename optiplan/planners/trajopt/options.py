@@ -1,8 +1,9 @@
 """Options of the main planner."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from optiplan.planners.option_schema import OptionError, PlannerOptions, option
+from optiplan.records import dataclass
 
 AUTO = "auto"
 """The native core as solver, where it is built."""

@@ -1,7 +1,7 @@
 """Sampled paths for `trajopt`: the searches, and motions along a path without optimisation."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from optiplan.planners.trajopt.coarse_descents import CoarseCurve, CoarseDescent
 from optiplan.planners.trajopt.curve_incumbent import CurveIncumbent
 from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 
 _QUICK = 0.065

@@ -1,6 +1,6 @@
 """A search for motions to a set of goal configurations that does not depend on the seed of the problem."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from optiplan.planners.trajopt.optimizer import Attempt
 from optiplan.planners.trajopt.path_search import PathSearch
 from optiplan.planners.trajopt.stopping_rule import SAME, EndsInVain, Patience
 from optiplan.problem.problem import derived
+from optiplan.records import dataclass
 
 _STREAM = 0
 """Seed of all its random numbers."""

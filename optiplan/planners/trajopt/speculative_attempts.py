@@ -3,7 +3,7 @@
 import threading
 from collections.abc import Iterable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import islice
 from typing import NamedTuple
 
@@ -15,6 +15,7 @@ from optiplan.planners.trajopt.optimizer import Attempt, AttemptOptions, Optimis
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.program.iteration_log import IterationLog
 from optiplan.planners.trajopt.program.sqp import SLOW
+from optiplan.records import dataclass
 
 _POLL = 0.02
 """s between two checks of the budget while another thread finishes the attempt."""

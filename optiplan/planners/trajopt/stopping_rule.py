@@ -1,6 +1,6 @@
 """Stopping rule: the expected gain of another attempt against its time."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from math import ceil, inf
 
 from optiplan._core import core
@@ -8,6 +8,7 @@ from optiplan.planners.base import Budget
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_space import Ends
 from optiplan.planners.sampling.search import Search, Searcher
+from optiplan.records import dataclass
 
 PRICE = 0.1
 """Share of the motion's cost that spending the whole budget must be expected to save: 10 %."""

@@ -1,7 +1,6 @@
 """`parabolic`: constant velocities from point to point, changed at constant rates around the vias (blends)."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import NamedTuple
 
@@ -14,6 +13,7 @@ from optiplan.planners.option_schema import OptionError, option
 from optiplan.planners.point_to_point.base import SIZE, MotionOptions
 from optiplan.planners.vias.via_chains import ThroughVias, chain_tolerances, distinct, via_times
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.paths.parabolic_blends import (
     Blends,

@@ -1,6 +1,5 @@
 """`rounded`: straight lines in joint space from via to via, with corners rounded within a stated deviation."""
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
@@ -16,6 +15,7 @@ from optiplan.planners.common.refused_path import refused_path
 from optiplan.planners.option_schema import PlannerOptions, option
 from optiplan.planners.vias.via_chains import chain_tolerances, distinct, ranked_chains
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.paths.corners import bezier_corners, bspline_corners, reversals, through_corners
 from optiplan.trajectory.timing.stops import stop_at_corners

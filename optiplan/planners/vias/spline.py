@@ -1,6 +1,5 @@
 """`spline`: cubic or quintic polynomials from point to point through all vias, which are hit without stopping."""
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
@@ -14,6 +13,7 @@ from optiplan.planners.option_schema import option
 from optiplan.planners.point_to_point.base import MotionOptions, Profile
 from optiplan.planners.vias.via_chains import ThroughVias, distinct, via_times
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.paths.via_splines import (
     Degree,

@@ -1,6 +1,5 @@
 """The path constraint that keeps a robot from tipping over."""
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
@@ -11,6 +10,7 @@ from optiplan.config.document import Number
 from optiplan.config.values import Coordinate, NotNegative
 from optiplan.geometry.support_polygon import SupportPolygon
 from optiplan.problem.constraints.base import WHOLE, During, Key, Statement, array
+from optiplan.records import dataclass
 
 Corner = Annotated[tuple[Coordinate, Coordinate], Field()]
 

@@ -3,7 +3,7 @@
 import inspect
 from abc import ABC
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
 
@@ -15,6 +15,7 @@ from optiplan.config.document import Number, Strict
 from optiplan.config.simple_yaml import Place
 from optiplan.config.values import Direction, Length, Name, Vector
 from optiplan.geometry.poses import ReadOnlyPoses
+from optiplan.records import dataclass
 
 WHOLE = (0.0, 1.0)
 

@@ -2,7 +2,6 @@
 
 import hashlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,6 +10,7 @@ from optiplan.arrays import Array
 from optiplan.errors import InputError, described, wrong_argument
 from optiplan.kinematics.symbolic.state import BatchedExpression, SymbolicState
 from optiplan.problem.constraints.base import WHOLE, During, Statement
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.state import State
 

@@ -1,7 +1,6 @@
 """What a path constraint measures at poses of its frame, beside its limit."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -12,6 +11,7 @@ from optiplan.problem.constraints.base import circle_of
 from optiplan.problem.constraints.points import OnArc, OnCircle, OnLine, OnPlane, PositionBox
 from optiplan.problem.constraints.poses import FixedOrientation, LookAt, OnScrew, OrientationCone, RelativePose
 from optiplan.problem.constraints.statements import PathConstraint, frame_of
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 
 ROUNDING = 1e-9

@@ -1,7 +1,6 @@
 """Path constraints on speeds, joints and distances."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, TypeAlias
 
 import numpy as np
@@ -10,6 +9,7 @@ from pydantic import Field
 from optiplan.config.document import Number
 from optiplan.config.values import Length, Name, NamePair
 from optiplan.problem.constraints.base import WHOLE, Distance, During, Frame, Key, Mention, Statement
+from optiplan.records import dataclass
 
 Rate: TypeAlias = Annotated[
     float,

@@ -1,7 +1,6 @@
 """Path constraints on the origin of a frame."""
 
 import math
-from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, TypeAlias
 
 import numpy as np
@@ -23,6 +22,7 @@ from optiplan.problem.constraints.base import (
     UnitVector,
     array,
 )
+from optiplan.records import dataclass
 
 From: TypeAlias = Annotated[Array, Key(Vector, array, name="from")]
 To: TypeAlias = Annotated[Array, Key(Vector, array, name="to")]

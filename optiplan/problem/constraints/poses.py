@@ -1,7 +1,6 @@
 """Path constraints on the pose of a frame."""
 
 import math
-from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Self, TypeAlias
 
 import numpy as np
@@ -24,6 +23,7 @@ from optiplan.problem.constraints.base import (
     Statement,
     UnitVector,
 )
+from optiplan.records import dataclass
 
 WithinMetres: TypeAlias = Annotated[
     float, Key(ToleranceSpec, name="tolerance", part="position", default=ToleranceSpec())

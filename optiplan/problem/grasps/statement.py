@@ -1,11 +1,11 @@
 """`Grasps` for construction in Python, checked by the schema of problem files."""
 
-from dataclasses import dataclass
 from typing import Any
 
 from optiplan.config.document import plain
 from optiplan.geometry.pose import checked
 from optiplan.problem.schema.task import GraspsSpec
+from optiplan.records import dataclass
 
 
 @dataclass(frozen=True)

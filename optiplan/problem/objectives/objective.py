@@ -1,8 +1,9 @@
 """The weights of what a motion costs."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 
 UNITS = {

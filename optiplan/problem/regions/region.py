@@ -3,7 +3,7 @@
 Source: Berenson, Srinivasa, Kuffner, "Task Space Regions", IJRR 2011; rotations here are vectors, not Euler angles.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array, cross
 from optiplan.geometry.poses import ReadOnlyPoses
+from optiplan.records import dataclass
 
 _MOST_ROOM = 2e-3
 """m and rad: half a width that `inner` counts with at most; the errors of planned ends are far less."""

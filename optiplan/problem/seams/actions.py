@@ -1,11 +1,11 @@
 """Actions of a path of the tool: the whole, and the parts of which its motion consists."""
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from optiplan.problem.seams.curve import SeamCurve
+from optiplan.records import dataclass
 
 
 @dataclass(frozen=True)

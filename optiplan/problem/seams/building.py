@@ -1,13 +1,12 @@
 """Make a `SeamCurve` of given points: the curve through them, woven, and the tool's axes along it."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.libraries import loading
 from optiplan.problem.seams.curve import SeamCurve
 from optiplan.problem.seams.elements import Element, Knots, knots_of, round_part, rounded, spline, straight
+from optiplan.records import dataclass
 from optiplan.trajectory.paths.hermite import hermite
 
 OPPOSITE = -0.85

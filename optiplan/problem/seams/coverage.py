@@ -4,7 +4,6 @@ The patch is what a viewer sees who looks along a direction. Lines and spirals a
 every point is put onto the surface that is nearest to the viewer, with the inward normal there.
 """
 
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
@@ -19,6 +18,7 @@ from optiplan.config.values import Direction, FileName, Length, NotNegative, Sca
 from optiplan.geometry.meshes.reading import open_mesh, read_mesh
 from optiplan.geometry.pose import PoseSpec
 from optiplan.geometry.poses import pose_from_data
+from optiplan.records import dataclass
 
 _STEP = 0.5
 """Share of the spacing between points of a line."""

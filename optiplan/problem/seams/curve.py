@@ -1,12 +1,12 @@
 """`SeamCurve`: a curve in space over its length, with the direction of the tool along it."""
 
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
 from optiplan.arrays import Array, Index, ReadOnlyArrays
+from optiplan.records import dataclass
 
 _LEAST = 1e-9
 """Length below which a direction that is interpolated is no direction."""

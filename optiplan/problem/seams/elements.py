@@ -1,7 +1,6 @@
 """Elements of a path: straight and round parts, rounded corners and splines, over a parameter u from 0 to 1."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -9,6 +8,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.libraries import loading
 from optiplan.problem.constraints.base import circle_of
+from optiplan.records import dataclass
 from optiplan.trajectory.paths.hermite import hermite
 
 CORNER = 1e-3

@@ -1,7 +1,7 @@
 """`Task`: steps for construction in Python."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from os import PathLike
 from pathlib import Path as FilePath
 from typing import Any
@@ -18,6 +18,7 @@ from optiplan.problem.schema.picks import KINDS, STEP
 from optiplan.problem.schema.task import TaskStepSpec
 from optiplan.problem.statement import End, Region, ViaPoint, end_data, is_configuration, via_point_data
 from optiplan.problem.to_data import path_constraint_data
+from optiplan.records import dataclass
 
 Targets = str | PathLike[str] | Array | Sequence[Pose | Mapping[str, Any] | Sequence[float]]
 """Targets of a tour, see `Tour`."""

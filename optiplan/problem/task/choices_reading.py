@@ -1,7 +1,7 @@
 """Read alternatives of steps: each begins with what is in hand before the choice, and all end with the same."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import prod
 
 from optiplan.config.simple_yaml import Place
@@ -10,6 +10,7 @@ from optiplan.problem.task.choices import MOST, choices_of
 from optiplan.problem.task.rides_reading import RideState
 from optiplan.problem.task.steps import TaskStep
 from optiplan.problem.tools.tool import MountedTool
+from optiplan.records import dataclass
 from optiplan.robot.mounting import FixedFrame
 
 

@@ -2,7 +2,6 @@
 
 import csv
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -12,6 +11,7 @@ from pydantic import BaseModel, ValidationError
 from optiplan.config.messages import words_for
 from optiplan.errors import InputError, Issue
 from optiplan.files import read_bytes
+from optiplan.records import dataclass
 
 MOST = 10_000
 """Rows of a file."""

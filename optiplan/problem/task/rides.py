@@ -3,7 +3,6 @@
 import operator
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import pinocchio as pin
 from optiplan.arrays import Array, Flags
 from optiplan.geometry.obstacle_motion import SLIDES, ObstacleMotion
 from optiplan.geometry.poses import ReadOnlyPoses
+from optiplan.records import dataclass
 
 CONDITION = r"^\s*(\S+)\.(x|y|z|angle)\s*(<=|>=|<|>)\s*(\S+)\s*$"
 """`conveyor.x > 0.3`: where something is, m, or how far it has turned, rad."""

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from optiplan.problem.schema.scene import OF_LINES, TOOL, WORLD, MovingFrameSpec
 from optiplan.problem.schema.task import ApproachSpec, RetreatSpec, StraightLineSpec, TaskStepSpec
 from optiplan.problem.task.rides import LONGEST, Mover, Ride, WaitUntil, split_condition
 from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 
 FREE = frozenset({"move", "approach"})

@@ -1,9 +1,8 @@
 """Parts of a motion in which the scene stays the same; a motion to a goal is one."""
 
-from dataclasses import dataclass
-
 from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import JointGoal, Problem, derived
+from optiplan.records import dataclass
 from optiplan.trajectory.joining import cut_trajectory, standstill
 from optiplan.trajectory.trajectory import Trajectory
 

@@ -1,6 +1,5 @@
 """Steps of a task, as planners and the verifier read them."""
 
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -14,6 +13,7 @@ from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.seams.actions import Passing, SeamPart, SeamPath, Transit
 from optiplan.problem.task.rides import Mover, Ride, WaitUntil
 from optiplan.problem.tools.tool import MountedTool
+from optiplan.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,6 @@
 """`Tool` for construction in Python, checked by the schema of problem files."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from optiplan.config.document import plain
@@ -11,6 +10,7 @@ from optiplan.geometry.poses import pose_to_data
 from optiplan.geometry.scene import Obstacle
 from optiplan.geometry.shapes import shape_data
 from optiplan.problem.schema.tools import ToolSpec
+from optiplan.records import dataclass
 
 
 @dataclass(frozen=True, eq=False, repr=False)

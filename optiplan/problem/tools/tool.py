@@ -1,12 +1,13 @@
 """Tools as planners and the verifier read them: a TCP, bodies and a mass, on a link or parked in the world."""
 
 from collections.abc import Container, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import pinocchio as pin
 
 from optiplan.geometry.poses import ReadOnlyPoses
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
+from optiplan.records import dataclass
 from optiplan.robot.mounting import FixedFrame
 
 NONE = "none"

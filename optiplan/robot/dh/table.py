@@ -4,12 +4,12 @@ Sources: J. Denavit, R. S. Hartenberg, J. Appl. Mech. 22 (1955) (standard, as in
 J. J. Craig, Introduction to Robotics (modified).
 """
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.records import dataclass
 
 Convention = Literal["standard", "modified"]
 JointKind = Literal["revolute", "prismatic"]

@@ -10,7 +10,6 @@ import math
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -21,6 +20,7 @@ from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError, Issue
 from optiplan.geometry.mass_properties import primitive_inertia
+from optiplan.records import dataclass
 from optiplan.robot.dh.spec import BodySpec, DhPoseSpec, DhRoundSpec, DhSpec, LinkSpec
 from optiplan.robot.dh.table import DhTable, JointKind, along_x, along_z
 from optiplan.robot.urdf.elements import inertial_element, mark_capsule, number_words, origin_element, xml_text

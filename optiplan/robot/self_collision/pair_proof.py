@@ -1,7 +1,6 @@
 """Prove that bodies never meet, whatever the joints do within their limits: interval halving over configurations."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import coal
@@ -11,6 +10,7 @@ import pinocchio as pin
 from optiplan.arrays import Array, Flags, Index
 from optiplan.geometry.coal_queries import exact_collision_request, exact_distance_request
 from optiplan.geometry.convex import hull_of_mesh
+from optiplan.records import dataclass
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.self_collision.pair_bounds import PairBounds
 

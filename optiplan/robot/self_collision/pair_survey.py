@@ -3,7 +3,6 @@
 import json
 import logging
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -16,6 +15,7 @@ import pinocchio as pin
 from optiplan import cache
 from optiplan.arrays import Array, Flags, Index
 from optiplan.geometry.convex import mesh_triangles, mesh_vertices
+from optiplan.records import dataclass
 from optiplan.robot.self_collision.pair_proof import GAP, PairProof
 from optiplan.robot.urdf.srdf import LinkPair, link_pair
 

@@ -8,7 +8,7 @@ up.
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ import pinocchio as pin
 from optiplan.geometry.file_shapes import check_reach, triangle_mesh
 from optiplan.geometry.meshes.reading import MeshFile, open_mesh, read_meshes
 from optiplan.geometry.meshes.triangles import Soup
+from optiplan.records import dataclass
 
 Place = tuple[str, int]
 """Name of a link and which of its collisions (or visuals)."""

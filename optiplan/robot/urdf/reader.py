@@ -8,7 +8,6 @@ import logging
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Container, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -19,6 +18,7 @@ import pinocchio as pin
 from optiplan.config.messages import some
 from optiplan.errors import InputError, Issue, plain_reason
 from optiplan.files import is_file, read_bytes
+from optiplan.records import dataclass
 from optiplan.robot.mimic_joints import Mimic, MimicError, leaders_first, resolve
 from optiplan.robot.reference import DESCRIPTION
 from optiplan.robot.urdf.elements import parsed_xml, xml_text

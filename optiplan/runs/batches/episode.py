@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from optiplan.errors import InputError, OptiPlanError
 from optiplan.files import read_bytes
 from optiplan.planners.base import Budget, silent
 from optiplan.problem.load import load_problem
+from optiplan.records import dataclass
 from optiplan.runs.pipeline import answer, chosen, plan_and_verify_once
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import TRAJECTORY, motion_file

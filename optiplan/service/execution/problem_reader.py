@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from optiplan.files import reading
 from optiplan.planners.registry import PLANNERS, make_planner
 from optiplan.problem.from_data import read_problem
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.resources import robots_dir
 from optiplan.robot.robot import robot_names
 from optiplan.runs.pipeline import chosen

@@ -8,10 +8,11 @@ import logging
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from sqlalchemy.engine import Engine
 
+from optiplan.records import dataclass
 from optiplan.service.execution.event_writer import AWAY, EventWriter, until_written
 from optiplan.service.execution.leases import take_lease
 from optiplan.service.execution.run_solver import failed

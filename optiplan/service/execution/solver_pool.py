@@ -9,11 +9,12 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Literal
 
 from optiplan.bench.execution import machine
 from optiplan.bench.execution.worker_process import WorkerProcess
+from optiplan.records import dataclass
 from optiplan.service.settings import ServiceSettings
 
 MODULE = "optiplan.service.execution.solver"

@@ -2,12 +2,13 @@
 
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Literal
 
 import sqlalchemy as sa
 from sqlalchemy.engine import Engine
 
+from optiplan.records import dataclass
 from optiplan.service.store.tables import Clock, events, runs, submissions
 
 RunState = Literal["queued", "running", "done", "failed", "cancelled"]

@@ -9,10 +9,10 @@ import threading
 import time
 from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from optiplan.files import write_bytes
+from optiplan.records import dataclass
 from optiplan.service.store.contents import StorageFullError, room_wanted
 
 MARKED = 6 * 3600.0

@@ -1,10 +1,10 @@
 """What every controller of a closed loop gives."""
 
-from dataclasses import dataclass
 from typing import Protocol
 
 from optiplan.arrays import Array
 from optiplan.control.step import ControlStep
+from optiplan.records import dataclass
 from optiplan.simulation.plants.base import Input
 from optiplan.simulation.references.base import ToolTarget
 

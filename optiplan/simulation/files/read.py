@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from optiplan.problem.examples import find_problem
 from optiplan.problem.from_data import read_problem
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.resources import control_dir
 from optiplan.robot.given_configurations import wrong_names
 from optiplan.robot.robot import Robot

@@ -1,13 +1,14 @@
 """What every plant can do, and what it is made of."""
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import ClassVar, Literal
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 from optiplan.simulation.plants.dynamics import RigidBodyDynamics
 

@@ -1,11 +1,11 @@
 """What a controller sees and when it is heard: encoders, noise, delay."""
 
 from collections import deque
-from dataclasses import dataclass
 
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.records import dataclass
 
 MOST_DELAY = 10.0
 """s, from measurement to torque."""

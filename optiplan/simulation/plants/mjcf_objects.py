@@ -3,7 +3,7 @@
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +15,7 @@ from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.scene_change import carrying, held_body
 from optiplan.problem.task.steps import Attach
+from optiplan.records import dataclass
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
 from optiplan.simulation.plants.mjcf import inertial_of, pose_of

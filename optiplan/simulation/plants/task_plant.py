@@ -1,7 +1,6 @@
 """What a plant does with the objects of a task; our own plant, in which links carry them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -12,6 +11,7 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.scene_change import carrying, scene_after
 from optiplan.problem.task.steps import Attach, ChangeTool, Detach, Event
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 from optiplan.simulation.plants.base import NOMINAL, PlantOptions
 from optiplan.simulation.plants.dynamics import RigidBodyDynamics

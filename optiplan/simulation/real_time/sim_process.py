@@ -11,7 +11,6 @@ import sys
 import time
 from collections import deque
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -22,6 +21,7 @@ from optiplan.cores import keeping_time, take_turns
 from optiplan.errors import OptiPlanError
 from optiplan.execution.loop.driver_checks import in_words
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.simulation.controllers.base import JointTarget
 from optiplan.simulation.controllers.joints import ComputedTorque, VelocityTracking
 from optiplan.simulation.execution import ExecutionOptions, task_plant, torque_plant

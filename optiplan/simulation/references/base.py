@@ -1,11 +1,11 @@
 """What a closed loop is to follow: positions of the joints, or poses of a frame, each with its rates."""
 
-from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.records import dataclass
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -1,10 +1,9 @@
 """References of the joints: any trajectory, and a step."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.records import dataclass
 from optiplan.simulation.references.base import JointTargets
 from optiplan.trajectory.trajectory import Trajectory
 

@@ -1,6 +1,6 @@
 """References of the tool: lines, arcs, circles and screws in time, targets that move for ever, recorded poses."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 import pinocchio as pin
@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 
 from optiplan.arrays import Array
 from optiplan.planners.cartesian.tool_path import ToolPath
+from optiplan.records import dataclass
 from optiplan.simulation.references.base import ToolTarget
 from optiplan.trajectory.profiles.laws import LawPoint, quintic_at
 

@@ -1,7 +1,7 @@
 """Stages of a task in a closed loop: in each, the scene, the loads and the grips stay the same."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from optiplan.problem.problem import Problem
 from optiplan.problem.task.scene_change import scene_after
 from optiplan.problem.task.steps import Attach, Event, Move, TaskStep
 from optiplan.problem.task.timeline import part_problem, scene_parts, steps_in_time
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 
 

@@ -6,7 +6,7 @@ last as long as a straight joint motion, times what the way from the start took 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from optiplan.problem.problem import Problem, derived
 from optiplan.problem.task.scene_change import columns, scene_after
 from optiplan.problem.task.steps import Detach, Event
 from optiplan.problem.task.timeline import steps_in_time
+from optiplan.records import dataclass
 from optiplan.runs.run import Run
 from optiplan.studies.assembly.schedule import Durations
 from optiplan.studies.assembly.statement import ArmProblem, Assembly

@@ -1,10 +1,10 @@
 """What came of an assembly: the best verified motion, which arm does which job when, and what it is beside."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from optiplan.records import dataclass
 from optiplan.runs.run import Run
 from optiplan.studies.assembly.measuring import Measured
 from optiplan.studies.assembly.schedule import Schedule

@@ -6,13 +6,14 @@ beam search gives it schedules to begin with.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.planners.base import Budget
+from optiplan.records import dataclass
 
 _BEAM = 100
 """Partial schedules that the beam search keeps."""

@@ -5,7 +5,7 @@ and with `arm`; the whole by the steps of all jobs, of which the first waits for
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,6 +19,7 @@ from optiplan.problem.from_data import read_problem
 from optiplan.problem.problem import Problem
 from optiplan.problem.schema.loops import LoopReader
 from optiplan.problem.task.steps import Attach, Detach, Move, StraightLine
+from optiplan.records import dataclass
 
 ASSEMBLY = "<assembly>"
 """Stands for the file of an assembly that has none."""

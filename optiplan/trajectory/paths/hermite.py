@@ -1,12 +1,12 @@
 """One polynomial a joint between any two states: cubic (velocities), quintic (+ accelerations), septic (+ jerks)."""
 
-from dataclasses import dataclass
 from functools import cached_property
 from math import comb, factorial
 
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.records import dataclass
 from optiplan.robot.robot import Limits
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.tolerances import LIMIT_ROUNDING

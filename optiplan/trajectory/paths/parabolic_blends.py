@@ -3,13 +3,13 @@
 Source: Craig, Introduction to Robotics, section 7.3, equations 7.24 to 7.31, pseudo-via points included.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from optiplan.arrays import Array, distinct
+from optiplan.records import dataclass
 from optiplan.trajectory.paths.via_splines import heuristic_velocities
 from optiplan.trajectory.tolerances import LIMIT_ROUNDING, SAME_TIME
 from optiplan.trajectory.trajectory import Trajectory

@@ -5,13 +5,13 @@ laws are symmetric, s(T - t) = 1 - s(t). Source: the lecture on trajectory plann
 Trajectory Planning for Automatic Machines and Robots, ch. 2 and 3.
 """
 
-from dataclasses import dataclass
 from math import inf
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.records import dataclass
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.timing.s_curve import s_curve
 from optiplan.trajectory.tolerances import SAME_TIME

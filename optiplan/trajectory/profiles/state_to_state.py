@@ -6,13 +6,13 @@ RSS 2021.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import factorial
 from typing import Any
 
 import numpy as np
 
 from optiplan.arrays import Array, distinct
+from optiplan.records import dataclass
 from optiplan.robot.limits import Limits
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.paths.hermite import Hermite

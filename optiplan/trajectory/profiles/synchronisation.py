@@ -1,13 +1,13 @@
 """All joints from rest to rest by time laws: together on one law, each on its own, or one after another."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
 from optiplan.arrays import Array, distinct
+from optiplan.records import dataclass
 from optiplan.robot.robot import Limits
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.profiles.laws import Bounds, Law, LawPieces

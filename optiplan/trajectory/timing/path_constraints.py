@@ -13,13 +13,13 @@ M, c and g are mass matrix, Coriolis vector and gravity, J the tool's Jacobian. 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Flags
+from optiplan.records import dataclass
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.samples import sample_times

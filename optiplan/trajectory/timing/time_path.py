@@ -1,12 +1,13 @@
 """Time laws of a given path: `time_path` times a path and never changes its shape."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Literal
 
 import numpy as np
 
 from optiplan.arrays import Array, Flags
+from optiplan.records import dataclass
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.samples import sample_times
 from optiplan.trajectory.timing.compose import compose, time_of

@@ -1,11 +1,11 @@
 """Scale motions in time until they keep their limits: a whole curve, or the times of its points."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.records import dataclass
 from optiplan.robot.limits import Limits
 from optiplan.trajectory.trajectory import Trajectory
 

@@ -1,6 +1,5 @@
 """Boxes of configurations that no motion shorter than T passes, by the native core."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +8,7 @@ import numpy.typing as npt
 from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
+from optiplan.records import dataclass
 from optiplan.robot.native_tree import native_tree
 from optiplan.verify.bounds.inner_shapes import InnerBoxes, InnerRods, boxes_inside, rods_inside
 from optiplan.verify.bounds.times import Corridor, Passage

@@ -1,11 +1,11 @@
 """What is proved of how long any motion of a problem takes."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from optiplan.arrays import is_finite
 from optiplan.errors import InputError, Issue
+from optiplan.records import dataclass
 
 NO_TIME = 1e-12
 """s; a goal whose bound is less than that is where the robot stands."""

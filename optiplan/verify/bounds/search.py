@@ -2,10 +2,10 @@
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
+from optiplan.records import dataclass
 from optiplan.verify.bounds.closing import Closing
 from optiplan.verify.bounds.grid import JointGrid
 

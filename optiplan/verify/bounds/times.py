@@ -1,10 +1,11 @@
 """Where joints can be at any time of a motion from one rest to another."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.records import dataclass
 from optiplan.robot.limits import Limits
 from optiplan.trajectory.timing.lower_bound import joint_times
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
@@ -18,6 +17,7 @@ from optiplan.geometry.convex import soup_of
 from optiplan.geometry.meshes.mesh_parts import parts_of_mesh
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import Box, Capsule, Cylinder, Sphere, shape_of_body
+from optiplan.records import dataclass
 from optiplan.robot.loaded_robots import once_for_each, once_for_each_robot
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_bounds import ball_to_box

@@ -1,12 +1,13 @@
 """Certificate: a proof that no two bodies touch at any time, or the time and place where it fails."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.floors import Floors
 from optiplan.collision.model import CollisionModel
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.clearance_record import ClearanceRecord
 from optiplan.verify.continuous.interval_queries import AskedClearance, DistanceQuery, Middles, Nearness

@@ -1,11 +1,10 @@
 """Bounds on how the pose of one frame in another changes in a short interval."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Flags
+from optiplan.records import dataclass
 from optiplan.robot.batched.kinematics import inverse_poses
 from optiplan.robot.robot import Robot
 from optiplan.verify.continuous.motion_bounds import Boxes

@@ -1,13 +1,13 @@
 """Pairs asked for their distance in the middle of an interval of time, and what follows for all of it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.floors import Floors
+from optiplan.records import dataclass
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.verify.continuous.bodies import PlacedBody
 from optiplan.verify.continuous.intervals import Intervals

@@ -1,13 +1,14 @@
 """Intervals of time with their open pairs, and bounds on the joint motion there."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from math import perm
 
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index, parts_of
+from optiplan.records import dataclass
 from optiplan.trajectory.polynomial import taylor
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.motion_bounds import Boxes

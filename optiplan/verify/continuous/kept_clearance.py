@@ -9,7 +9,7 @@ the interval as ever where nothing was proved.
 
 import io
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import cached_property
 
 import coal
@@ -21,6 +21,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.geometry.coal_queries import coal_mesh
 from optiplan.geometry.convex import mesh_triangles, mesh_vertices
 from optiplan.geometry.scene import Scene
+from optiplan.records import dataclass
 from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_proof import joint_box

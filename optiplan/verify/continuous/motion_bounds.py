@@ -1,12 +1,12 @@
 """Bound the approach of two bodies in a short interval by their velocities and accelerations."""
 
 from copy import copy
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
+from optiplan.records import dataclass
 from optiplan.verify.continuous.bodies import Bodies, PlacedBody
 
 

@@ -1,13 +1,14 @@
 """What is the same for every motion in a work space, made once."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from optiplan.arrays import Array, Index
 from optiplan.collision.model import CollisionModel, SameBodies
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.bodies import Bodies
 from optiplan.verify.continuous.kept_clearance import KeptClearance, kept_clearances

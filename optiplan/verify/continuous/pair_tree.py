@@ -1,7 +1,6 @@
 """Pairs of bodies, and above them pairs of hulls that answer for many of them at once."""
 
 from copy import copy
-from dataclasses import dataclass
 from functools import cached_property
 
 import coal
@@ -12,6 +11,7 @@ from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.clusters import Cluster, clusters_of
 from optiplan.collision.geometry_model import geometry_of
 from optiplan.collision.model import CollisionModel
+from optiplan.records import dataclass
 from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_bounds import LocalBox, PairBounds, local_box

@@ -1,11 +1,12 @@
 """Result of the certificate: what was proved, what was measured, and where."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from optiplan.arrays import Array, Index
+from optiplan.records import dataclass
 
 SELF, SCENE = 0, 1
 """Kinds of pairs: of links and what they hold, and of either with an obstacle."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import cached_property
 from typing import NamedTuple
 
@@ -12,6 +12,7 @@ import numpy as np
 from optiplan.arrays import Array, Flags, Index, distinct
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.coal_queries import DISTANCE_ERROR
+from optiplan.records import dataclass
 from optiplan.verify.continuous.bodies import Bodies, BodyShape, PlacedBody, parts_of_link, support
 
 _LOOSE = 1e-7  # m that a plane may lose against the measured distance before another one is sought

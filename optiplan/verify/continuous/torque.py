@@ -1,11 +1,10 @@
 """Joint torques stay within their limits at all times, proved from their values and a bound on their curvature."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index, parts_of
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.loaded_robots import once_for_each
 from optiplan.robot.mimic_joints import unfold

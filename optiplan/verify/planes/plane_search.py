@@ -5,7 +5,6 @@ for this proof alone. Of what planners use, it calls the search for distances, w
 """
 
 from copy import copy
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -18,6 +17,7 @@ from optiplan._core import core
 from optiplan.arrays import Array, Flags, Index, distinct
 from optiplan.collision.model import CollisionModel, SameBodies
 from optiplan.collision.native_model import native_shape
+from optiplan.records import dataclass
 from optiplan.robot.loaded_robots import once_for_each
 from optiplan.robot.mimic_joints import coupling, screws
 from optiplan.trajectory.trajectory import Trajectory

@@ -1,11 +1,12 @@
 """The state of a search for a proof: what it works with, what was met and what is proved so far."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index, distinct
 from optiplan.collision.model import CollisionModel
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.clearance_record import ClearanceRecord
 from optiplan.verify.continuous.interval_queries import AskedClearance, DistanceQuery, Middles

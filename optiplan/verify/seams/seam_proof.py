@@ -8,13 +8,13 @@ added, c' times a quarter of the way. An interval on which a bound does not hold
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.problem.seams.actions import SeamPart
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.frame_motion import FrameBounds, FrameMotion

@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -15,6 +14,7 @@ from optiplan.problem.constraints.poses import OrientationCone
 from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.problem import PoseGoal, Problem
 from optiplan.problem.task.steps import Action, StraightLine
+from optiplan.records import dataclass
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot

@@ -1,7 +1,7 @@
 """The steps of a task in time, each with its own problem and its part of the motion."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import zip_longest
 from operator import itemgetter
@@ -15,6 +15,7 @@ from optiplan.problem.task.arms import steps_of_arms
 from optiplan.problem.task.scene_change import scene_during
 from optiplan.problem.task.steps import TaskStep
 from optiplan.problem.task.timeline import part_problem, steps_in_time
+from optiplan.records import dataclass
 from optiplan.trajectory.joining import cut_trajectory, standstill
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.tasks.carriage import on_carriage, seen_from, state_seen_from

@@ -8,7 +8,9 @@ import json
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
+
+from optiplan.records import dataclass
 
 COMMANDS = ("set_object", "set_transform", "set_property", "set_animation", "delete")
 """Commands of meshcat that change the scene."""

@@ -9,7 +9,6 @@ import threading
 import time
 import traceback
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import umsgpack
@@ -17,6 +16,7 @@ import zmq
 
 from optiplan.arrays import is_finite
 from optiplan.errors import OptiPlanError
+from optiplan.records import dataclass
 from optiplan.viewer.drawing.drawing import Drawing, DrawingError
 
 MOST_MESSAGE = 256 * 1024**2

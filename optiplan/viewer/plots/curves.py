@@ -1,7 +1,5 @@
 """What a motion does, along it: joints up to the jerk, torques, the tool's pose and speed."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from optiplan.arrays import Array
@@ -9,6 +7,7 @@ from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.scene_part import ScenePart
 from optiplan.problem.task.timeline import mismatch, scene_parts
+from optiplan.records import dataclass
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.trajectory.trajectory import Extrema, Trajectory
 from optiplan.viewer.plots.refined_extrema import PieceSamples, refined_extrema

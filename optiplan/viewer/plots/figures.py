@@ -2,7 +2,6 @@
 
 import csv
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,6 +12,7 @@ from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.figure_style import INK, line_style, sheet, styled, undated
 from optiplan.files import replacing
+from optiplan.records import dataclass
 from optiplan.viewer.plots.joint_figure import QUANTITIES, bounds, draw_joints, extrema_of
 from optiplan.viewer.plots.lessons.laws import draw_laws
 from optiplan.viewer.plots.lessons.pseudo_vias import draw_pseudo_vias

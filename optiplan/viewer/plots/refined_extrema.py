@@ -4,11 +4,11 @@ No bound is claimed: a peak narrower than the samples' distance can be missed, s
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from optiplan.arrays import Array, Index
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Extrema, Trajectory
 
 LEAST_IN_PIECE = 4

@@ -1,12 +1,12 @@
 """The runs of a figure: named, told apart by colour, with what is drawn of each."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 from optiplan.config.messages import some
 from optiplan.errors import InputError, Issue
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.plots.curves import MotionCurves, motion_curves
 

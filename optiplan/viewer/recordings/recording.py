@@ -2,7 +2,6 @@
 
 import base64
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from optiplan.arrays import Array
 from optiplan.errors import OptiPlanError
 from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.viewer.runs import Poses, ViewedRun
 from optiplan.viewer.scene import build_scene
 

@@ -1,6 +1,5 @@
 """Clearance of one run for the page: what the certificate proved at each time, and the distance measured there."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.scene_part import ScenePart
 from optiplan.problem.task.timeline import mismatch, proved_parts
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.collision_check import certified
 from optiplan.verify.continuous.clearance_record import ClearanceBound, ClearanceRecord

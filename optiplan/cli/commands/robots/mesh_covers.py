@@ -1,7 +1,6 @@
 """Covers of a URDF's meshes, made in several processes before the robot is loaded, which then finds them."""
 
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from optiplan import cache
@@ -11,6 +10,7 @@ from optiplan.errors import InputError
 from optiplan.geometry.convex import cover_name, cover_of
 from optiplan.geometry.meshes.triangles import Soup
 from optiplan.planners.base import Progress
+from optiplan.records import dataclass
 from optiplan.robot.urdf.reader import build_model, read_collisions, read_urdf
 from optiplan.workspace.parallel import ChunkedWork, run_chunks
 

@@ -5,11 +5,12 @@ held        joints that an equality fixes or couples otherwise, that share a dri
             actuator drives where the model has some that drive joints, and ball and free joints.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 
+from optiplan.records import dataclass
 from optiplan.robot.mimic_joints import Mimic
 
 

@@ -8,7 +8,6 @@ A generic joint (PhysicsJoint, D6) is what its limits leave free: an axis whose 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from optiplan.arrays import Array
 from optiplan.importers.robots.urdf_tree import moved
 from optiplan.importers.robots.usd.shapes import is_body
 from optiplan.importers.robots.usd.stage import UsdStage, schemas
+from optiplan.records import dataclass
 
 FIXED, TURNS, SLIDES, FREE = "fixed", "revolute", "prismatic", "free"
 TYPES = {

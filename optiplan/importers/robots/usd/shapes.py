@@ -7,7 +7,6 @@ Plane                              a half-space, of scenes only
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from optiplan.geometry.meshes.box_surfaces import box_corners
 from optiplan.geometry.meshes.triangles import Triangles
 from optiplan.importers.robots.polyhedra import ellipsoid_hull, frustum_hull
 from optiplan.importers.robots.usd.stage import Affine, UsdStage, schemas
+from optiplan.records import dataclass
 
 COLLISION, BODY = "PhysicsCollisionAPI", "PhysicsRigidBodyAPI"
 SHAPES = ("Cube", "Sphere", "Cylinder", "Cylinder_1", "Capsule", "Capsule_1", "Cone", "Mesh", "Plane")

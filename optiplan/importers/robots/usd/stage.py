@@ -10,7 +10,6 @@ The pose of a prim is the rotation that is nearest to its A, and its origin; sca
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -22,6 +21,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.files import is_file
+from optiplan.records import dataclass
 
 _AT_LINE = re.compile(r"([^:]+):(\d+):\d+: (.*)")
 """An error of the parser: file, line, column, what is wrong."""

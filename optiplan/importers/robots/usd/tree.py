@@ -6,7 +6,7 @@ left out.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import pinocchio as pin
@@ -14,6 +14,7 @@ import pinocchio as pin
 from optiplan.importers.robots.usd.joints import FIXED, FREE, SLIDES, TURNS, UsdJoint
 from optiplan.importers.robots.usd.shapes import is_body
 from optiplan.importers.robots.usd.stage import UsdStage, schemas
+from optiplan.records import dataclass
 
 ROOT = "PhysicsArticulationRootAPI"
 

@@ -1,7 +1,6 @@
 """Plan under path constraints: search on them, shorten, smooth, time."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from optiplan.planners.sampling.constrained.searches import Query, connect, road
 from optiplan.planners.sampling.constrained.smoothing import shortcut, smooth_curves
 from optiplan.planners.sampling.sample_path import path_check
 from optiplan.problem.problem import Problem
+from optiplan.records import dataclass
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path
 from optiplan.trajectory.trajectory import Trajectory
 

@@ -1,6 +1,6 @@
 """Searches on the constraints: RRT-Connect, RRT* (also informed) and a roadmap."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +11,7 @@ from optiplan.planners.sampling.constrained.constrained_steps import Constrained
 from optiplan.planners.sampling.ompl_space import search_bounds
 from optiplan.planners.sampling.roadmap import shortest_way
 from optiplan.planners.sampling.shortcutting import path_times
+from optiplan.records import dataclass
 
 _EXTEND = 0.6  # s at full joint speed: how far a tree grows towards a sample
 _NEAR = 0.5  # share of samples that lie near the ends

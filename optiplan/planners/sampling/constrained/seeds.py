@@ -1,6 +1,5 @@
 """Paths on the constraints as initial guesses of an optimiser, and the motions along them."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +11,7 @@ from optiplan.planners.path_constraints.motion_check import PathConstraints
 from optiplan.planners.sampling.sample_path import SampledPath
 from optiplan.planners.sampling.shortcutting import path_cost
 from optiplan.problem.problem import Problem, derived
+from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:

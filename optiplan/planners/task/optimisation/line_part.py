@@ -1,6 +1,5 @@
 """A line in the program of a stretch: its path is given, and its time law is a spline."""
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -11,6 +10,7 @@ from optiplan.planners.task.optimisation.rate_rows import RateRows
 from optiplan.planners.trajopt.bspline_basis import FIXED, SplineBasis, moving_breakpoints
 from optiplan.planners.trajopt.terms.term import Instants, Mask, SoftRows
 from optiplan.planners.trajopt.terms.torques import TorqueTerm
+from optiplan.records import dataclass
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.trajectory import Trajectory
 

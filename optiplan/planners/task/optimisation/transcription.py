@@ -1,7 +1,6 @@
 """The program of a stretch: the variables between two stops, and the terms of all parts as functions of them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -13,6 +12,7 @@ from optiplan.planners.task.optimisation.line_part import LinePart
 from optiplan.planners.task.optimisation.move_part import MovePart
 from optiplan.planners.task.optimisation.rate_rows import RateRows
 from optiplan.planners.trajopt.terms.term import Cost, SoftRows, Term
+from optiplan.records import dataclass
 
 Part = MovePart | LinePart
 

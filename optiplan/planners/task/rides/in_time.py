@@ -5,7 +5,7 @@ the one before ends. After a ride the next one takes the motion over, or the arm
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from optiplan.problem.task.rides import WaitUntil
 from optiplan.problem.task.scene_change import scene_after
 from optiplan.problem.task.steps import Event, Move, TaskStep
 from optiplan.problem.task.tour_steps import in_order
+from optiplan.records import dataclass
 from optiplan.trajectory.joining import join_trajectories, standstill
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory

@@ -1,7 +1,7 @@
 """Meet what moves: when, at which of several ends, in which configuration, and the move that arrives at that moment."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,7 @@ from optiplan.problem.problem import Problem
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.task.rides import Ride
 from optiplan.problem.task.steps import Move, TaskStep
+from optiplan.records import dataclass
 from optiplan.trajectory.joining import join_trajectories, standstill, with_resting_joints
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.timing.lower_bound import lower_bounds

@@ -5,7 +5,6 @@ Along a line, Y goes from rest to rest: s(u) = 10 u³ - 15 u⁴ + 6 u⁵, u the 
 
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -13,6 +12,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.geometry.obstacle_motion import SLIDES, ObstacleMotion
 from optiplan.planners.cartesian.tool_path import ToolPath
+from optiplan.records import dataclass
 from optiplan.trajectory.profiles.laws import quintic_at
 
 PEAK_SPEED, PEAK_ACCELERATION = 1.875, 5.774

@@ -1,7 +1,7 @@
 """Do the steps that go with what moves: the arm follows one path, and fingers close beside it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from optiplan.problem.problem import JointGoal, Problem, derived
 from optiplan.problem.task.rides import LONGEST, Ride, WaitUntil
 from optiplan.problem.task.scene_change import carrying, columns, scene_after, scene_during
 from optiplan.problem.task.steps import Dwell, Event, Move, StraightLine, TaskStep
+from optiplan.records import dataclass
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.joining import beside_each_other, cut_trajectory, join_trajectories, standstill

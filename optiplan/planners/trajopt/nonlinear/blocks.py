@@ -1,7 +1,6 @@
 """Parameters and rows of a nonlinear program, block by block, each with its name."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -11,6 +10,7 @@ from optiplan.arrays import Array, Index
 from optiplan.kinematics.symbolic.compiled import compiled
 from optiplan.libraries import loading
 from optiplan.planners.trajopt.terms.term import Curve, SoftRows
+from optiplan.records import dataclass
 
 SLOTS = 4
 """Rows that a sample is given at least for distances, and by which their number grows: unused ones hold always."""

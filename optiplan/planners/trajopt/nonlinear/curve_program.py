@@ -1,7 +1,6 @@
 """The curve of one descent as a nonlinear program of CasADi."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -14,6 +13,7 @@ from optiplan.planners.trajopt.program.qp import REGULARISATION
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.integrals import IntegralCost, JerkCost, shares
 from optiplan.planners.trajopt.terms.term import Cost, Curve, SoftRows, Term
+from optiplan.records import dataclass
 
 SHORTEST, LONGEST = 0.5, 2.0
 """Bounds of the duration in one program, as multiples of the duration that it begins with."""

@@ -1,10 +1,11 @@
 """Options of the planner `casadi`."""
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 from optiplan.planners.option_schema import OptionError, option
 from optiplan.planners.trajopt.nonlinear.solvers import DEFAULT, SOLVERS, installed
 from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
+from optiplan.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,11 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from optiplan.kinematics.symbolic.compiled import load_casadi
+from optiplan.records import dataclass
 
 DEFAULT = "ipopt"
 

@@ -1,7 +1,7 @@
 """Sequential quadratic programming with an l1 exact penalty, a trust region and a watchdog."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import inf
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
@@ -11,6 +11,7 @@ from optiplan.planners.trajopt.program.qp import Penalty, Step
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import CENTIMETRE
 from optiplan.planners.trajopt.terms.term import Cost, SoftRows, Term
+from optiplan.records import dataclass
 
 FIRST_RADIUS, LEAST_RADIUS = 0.1, 3e-5
 """Trust region on every control point, as a share of what its joint can travel at full speed in that duration."""
@@ -37,7 +38,6 @@ SLOW, WORSE = 30, 1.5
 
 GROWN = 2.0
 """Multiple of its first duration beyond which a curve is given up then: curves that wind around bodies stay long."""
-
 
 GoOn = Callable[[Array, float], bool]
 """(control (K, n), duration) of the first curve that holds all rows -> whether to descend from it.

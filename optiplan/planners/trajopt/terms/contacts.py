@@ -1,7 +1,5 @@
 """Clearance of all pairs of bodies."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from optiplan.arrays import Array, Index
@@ -9,6 +7,7 @@ from optiplan.collision.contacts import Contacts
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.path_constraints.inequality import KEPT, PairsApart
 from optiplan.planners.trajopt.terms.term import Curve, Instants, SoftRows, Term, within
+from optiplan.records import dataclass
 
 CUTOFF = 0.04
 """Pairs nearer than this, m, get a row in the quadratic program."""

@@ -1,7 +1,7 @@
 """The interface of the optimiser to soft constraints (`Term`) and costs (`Cost`) of a curve."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from operator import add
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -12,6 +12,7 @@ import numpy.typing as npt
 from optiplan.arrays import Array, Index, distinct
 from optiplan.libraries import loading
 from optiplan.planners.trajopt.bspline_basis import REACH, SplineBasis
+from optiplan.records import dataclass
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix

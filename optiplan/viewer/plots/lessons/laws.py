@@ -1,13 +1,13 @@
 """Cubic, quintic, LSPB, bang-bang and S-curve side by side: one displacement in one duration."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.figure_style import INK, line_style, sheet
+from optiplan.records import dataclass
 from optiplan.robot.limits import ORDERS
 from optiplan.trajectory.profiles.laws import CUBIC, QUINTIC, BangBang, Bounds, Law, SCurve, Trapezoid
 from optiplan.trajectory.trajectory import Trajectory

@@ -6,7 +6,6 @@ the second.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from optiplan.errors import InputError, Issue
 from optiplan.figure_style import COLOURS, INK, LIMIT, line_style, sheet
 from optiplan.kinematics.manipulability import ellipsoids
 from optiplan.kinematics.singularities import NAMES, SingularityModel, singularity_model
+from optiplan.records import dataclass
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.viewer.plots.runs import PlottedRun
 

@@ -1,0 +1,184 @@
+"""Dataclasses that cost their process next to nothing until they are used.
+
+`dataclasses.dataclass` compiles six methods of a class where it stands, half a millisecond a class: a fifth of the time
+from the shell to a first plan. The decorator of this module gives classes that are the same to whoever uses them. Their
+first instances are made by a closure, which hands a call that does not fit to the standard `__init__`, for the error;
+all else is made by the standard decorator where it is first looked up.
+"""
+
+import dataclasses
+import inspect
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, get_origin
+
+if TYPE_CHECKING:
+    from dataclasses import dataclass as dataclass  # for checkers of types the two are one
+else:
+
+    def dataclass(cls: type | None = None, /, **options: bool) -> Any:
+        """As `dataclasses.dataclass`; with `slots`, which need another class, that one itself.
+
+        A frozen class refuses every assignment, also to what is no field, and so do classes that inherit it.
+        """
+        if options.get("slots"):
+            return dataclasses.dataclass(cls, **options)
+        return (lambda given: _Recipe(given, options).cls) if cls is None else _Recipe(cls, options).cls
+
+
+_OPTIONS = {"__init__": "init", "__repr__": "repr", "__eq__": "eq", "__hash__": "eq"}
+"""Methods, and the options that ask for them."""
+
+_ASKED = "__dataclass_fields__", "__dataclass_params__", "__match_args__"
+"""What others ask a class for."""
+
+_NONE = dataclasses.MISSING
+
+OFTEN = 30
+"""Instances after which the standard `__init__` is compiled: it takes half a microsecond for each value."""
+
+_MAKING = threading.RLock()
+
+
+class _Recipe:
+    """How the attributes of a class are made; until then it holds a `_Later` for each."""
+
+    def __init__(self, cls: type, options: dict[str, bool]) -> None:
+        self.cls, self.options = cls, options
+        self.kinds = inspect.get_annotations(cls)
+        self.given = {name: cls.__dict__[name] for name in self.kinds if name in cls.__dict__}
+        for name, value in self.given.items():  # a class holds defaults, and no fields
+            if isinstance(value, dataclasses.Field):
+                if value.default is _NONE:
+                    delattr(cls, name)
+                else:
+                    setattr(cls, name, value.default)
+        methods = [name for name, option in _OPTIONS.items() if options.get(option, True) and name not in cls.__dict__]
+        if options.get("eq", True) and not cls.__dict__.get("__hash__"):  # None where `__eq__` is the class's own
+            methods = [name for name in methods if name != "__hash__"] + ["__hash__"] * options.get("frozen", False)
+            setattr(cls, "__hash__", None)  # noqa: B010  (of any class)
+        if options.get("frozen"):
+            setattr(cls, "__setattr__", _no_assignment)  # noqa: B010
+            setattr(cls, "__delattr__", _no_deletion)  # noqa: B010
+        for name in (*methods, *_ASKED):
+            setattr(cls, name, _Later(self, name))
+        if "__init__" in methods:
+            setattr(cls, "__signature__", _Signature(self))  # noqa: B010
+
+    def make(self, name: str) -> Any:
+        """An attribute of the class, made if need be."""
+        with _MAKING:
+            if isinstance(self.cls.__dict__[name], _Later):
+                setattr(self.cls, name, self._initialiser() if name == "__init__" else self.made(name))
+            return self.cls.__dict__[name]
+
+    def made(self, name: str) -> Any:
+        """What the standard decorator makes, asked for no more than that; of a frozen class `__init__` differs."""
+        whole = name == "__dataclass_params__"
+        wanted = {option: whole and self.options.get(option, True) for option in _OPTIONS.values()}
+        if name in _OPTIONS:
+            wanted[_OPTIONS[name]] = True
+        frozen = self.options.get("frozen", False) and (whole or name in ("__init__", "__hash__"))
+        return dataclasses.dataclass(**(self.options | wanted | {"frozen": frozen}))(self._twin()).__dict__[name]
+
+    def _twin(self) -> type:
+        """A class with all the fields of this one that inherits nothing."""
+        kinds, values = self._attributes()
+        content = {name: value for name, value in values.items() if value is not _NONE}
+        if hasattr(self.cls, "__post_init__"):
+            content["__post_init__"] = None  # an instance has that of its class
+        names = {"__qualname__": self.cls.__qualname__, "__module__": self.cls.__module__, "__doc__": self.cls.__name__}
+        return type(self.cls.__name__, (), content | names | {"__annotations__": kinds})
+
+    def _attributes(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Annotations, and fields, defaults or `_NONE`, by name; the fields of the bases first."""
+        kinds: dict[str, Any] = {}
+        values: dict[str, Any] = {}
+        for base in self.cls.__mro__[-2:0:-1]:
+            for field in getattr(base, "__dataclass_fields__", {}).values():
+                kinds[field.name], values[field.name] = field.type, field
+        for name, kind in self.kinds.items():
+            kinds[name], values[name] = kind, self.given.get(name, getattr(self.cls, name, _NONE))
+        return kinds, values
+
+    def _initialiser(self) -> Callable[..., None]:
+        """An `__init__` that nobody has to compile."""
+        kinds, values = self._attributes()
+        if any(kind is dataclasses.KW_ONLY or isinstance(kind, dataclasses.InitVar) for kind in kinds.values()):
+            return self.made("__init__")  # type: ignore[no-any-return]
+        fields = {
+            name: value if isinstance(value, dataclasses.Field) else dataclasses.field(default=value)
+            for name, value in values.items()
+            if not _of_class(kinds[name])
+        }
+        named = self.options.get("kw_only", False)
+        asked = {name: field for name, field in fields.items() if field.init}
+        in_order = [name for name, field in asked.items() if not (named if field.kw_only is _NONE else field.kw_only)]
+        defaults = {name: field.default for name, field in asked.items() if field.default is not _NONE}
+        factories = {
+            name: field.default_factory for name, field in fields.items() if field.default_factory is not _NONE
+        }
+        order = [name for name in fields if name in asked or name in factories]
+        known, needed = asked.keys(), asked.keys() - defaults.keys() - factories.keys()
+        put = object.__setattr__ if self.options.get("frozen") else setattr
+        after, recipe = hasattr(self.cls, "__post_init__"), self
+        made = 0
+
+        def __init__(self: Any, /, *args: Any, **kwargs: Any) -> None:
+            nonlocal made
+            made += 1
+            if made == OFTEN:
+                recipe.cls.__init__ = recipe.made("__init__")  # type: ignore[misc]
+            given = dict(zip(in_order, args, strict=False))
+            twice = not given.keys().isdisjoint(kwargs)
+            given |= kwargs
+            if twice or len(args) > len(in_order) or not needed <= given.keys() <= known:
+                recipe.made("__init__")(self, *args, **kwargs)  # which names what is wrong
+            values = defaults | given
+            for name, make in factories.items():
+                if name not in values:
+                    values[name] = make()
+            for name in order:
+                put(self, name, values[name])
+            if after:
+                self.__post_init__()
+
+        __init__.__qualname__ = f"{self.cls.__qualname__}.__init__"
+        return __init__
+
+
+class _Later:
+    """Stands for an attribute of a class until somebody looks it up."""
+
+    def __init__(self, recipe: _Recipe, name: str) -> None:
+        self._recipe, self._name = recipe, name
+
+    def __get__(self, instance: Any, owner: type) -> Any:
+        made = self._recipe.make(self._name)
+        return made.__get__(instance, owner) if self._name in _OPTIONS else made
+
+
+class _Signature:
+    """That of a class whose `__init__` was made here; one that inherits another gets its own from there."""
+
+    def __init__(self, recipe: _Recipe) -> None:
+        self._recipe = recipe
+
+    def __get__(self, instance: Any, owner: type) -> inspect.Signature | None:
+        if getattr(owner, "__init__") is not getattr(self._recipe.cls, "__init__"):  # noqa: B009  (of classes)
+            return None
+        exact = inspect.signature(self._recipe.made("__init__"))
+        return exact.replace(parameters=list(exact.parameters.values())[1:])
+
+
+def _of_class(kind: Any) -> bool:
+    """Whether an annotation is of a class variable."""
+    return "ClassVar" in kind if isinstance(kind, str) else kind is ClassVar or get_origin(kind) is ClassVar
+
+
+def _no_assignment(_self: Any, name: str, _value: Any) -> NoReturn:
+    raise dataclasses.FrozenInstanceError(f"cannot assign to field {name!r}")
+
+
+def _no_deletion(_self: Any, name: str) -> NoReturn:
+    raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
