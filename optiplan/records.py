@@ -3,24 +3,21 @@
 `dataclasses.dataclass` compiles six methods of a class where it stands, half a millisecond a class: a fifth of the time
 from the shell to a first plan. The decorator of this module gives classes that are the same to whoever uses them. Their
 first instances are made by a closure, which hands a call that does not fit to the standard `__init__`, for the error;
-all else is made by the standard decorator where it is first looked up.
+all else is made by the standard decorator where it is first looked up, also an `__init__` that is looked up in a class.
 """
 
 import dataclasses
 import inspect
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, get_origin
+from typing import TYPE_CHECKING, Any, ClassVar, get_origin
 
 if TYPE_CHECKING:
     from dataclasses import dataclass as dataclass  # for checkers of types the two are one
 else:
 
     def dataclass(cls: type | None = None, /, **options: bool) -> Any:
-        """As `dataclasses.dataclass`; with `slots`, which need another class, that one itself.
-
-        A frozen class refuses every assignment, also to what is no field, and so do classes that inherit it.
-        """
+        """As `dataclasses.dataclass`; with `slots`, which need another class, that one itself."""
         if options.get("slots"):
             return dataclasses.dataclass(cls, **options)
         return (lambda given: _Recipe(given, options).cls) if cls is None else _Recipe(cls, options).cls
@@ -58,19 +55,25 @@ class _Recipe:
             methods = [name for name in methods if name != "__hash__"] + ["__hash__"] * options.get("frozen", False)
             setattr(cls, "__hash__", None)  # noqa: B010  (of any class)
         if options.get("frozen"):
-            setattr(cls, "__setattr__", _no_assignment)  # noqa: B010
-            setattr(cls, "__delattr__", _no_deletion)  # noqa: B010
+            _freeze(cls)
+        if "__replace__" not in cls.__dict__:  # of `copy.replace`, from Python 3.13 on
+            setattr(cls, "__replace__", dataclasses.replace)  # noqa: B010
         for name in (*methods, *_ASKED):
             setattr(cls, name, _Later(self, name))
-        if "__init__" in methods:
-            setattr(cls, "__signature__", _Signature(self))  # noqa: B010
 
-    def make(self, name: str) -> Any:
-        """An attribute of the class, made if need be."""
+    def make(self, name: str, later: "_Later") -> Any:
+        """An attribute of the class, made unless it is already, or another one was put in the place of `later`."""
         with _MAKING:
-            if isinstance(self.cls.__dict__[name], _Later):
-                setattr(self.cls, name, self._initialiser() if name == "__init__" else self.made(name))
+            if self.cls.__dict__.get(name) is later:
+                setattr(self.cls, name, self.made(name))
             return self.cls.__dict__[name]
+
+    def initialiser(self, later: "_Later") -> Callable[..., None]:
+        """The `__init__` of the first instances."""
+        with _MAKING:
+            if later.first is None:
+                later.first = self._initialiser(later)
+            return later.first
 
     def made(self, name: str) -> Any:
         """What the standard decorator makes, asked for no more than that; of a frozen class `__init__` differs."""
@@ -101,7 +104,7 @@ class _Recipe:
             kinds[name], values[name] = kind, self.given.get(name, getattr(self.cls, name, _NONE))
         return kinds, values
 
-    def _initialiser(self) -> Callable[..., None]:
+    def _initialiser(self, later: "_Later") -> Callable[..., None]:
         """An `__init__` that nobody has to compile."""
         kinds, values = self._attributes()
         if any(kind is dataclasses.KW_ONLY or isinstance(kind, dataclasses.InitVar) for kind in kinds.values()):
@@ -128,7 +131,7 @@ class _Recipe:
             nonlocal made
             made += 1
             if made == OFTEN:
-                recipe.cls.__init__ = recipe.made("__init__")  # type: ignore[misc]
+                recipe.make("__init__", later)
             given = dict(zip(in_order, args, strict=False))
             twice = not given.keys().isdisjoint(kwargs)
             given |= kwargs
@@ -148,27 +151,21 @@ class _Recipe:
 
 
 class _Later:
-    """Stands for an attribute of a class until somebody looks it up."""
+    """Stands for an attribute of a class until somebody looks it up; for `__init__`, until somebody does in the class.
+
+    Attributes:
+        first: the `__init__` of the first instances.
+    """
 
     def __init__(self, recipe: _Recipe, name: str) -> None:
         self._recipe, self._name = recipe, name
+        self.first: Callable[..., None] | None = None
 
     def __get__(self, instance: Any, owner: type) -> Any:
-        made = self._recipe.make(self._name)
+        if self._name == "__init__" and instance is not None:
+            return (self.first or self._recipe.initialiser(self)).__get__(instance, owner)
+        made = self._recipe.make(self._name, self)
         return made.__get__(instance, owner) if self._name in _OPTIONS else made
-
-
-class _Signature:
-    """That of a class whose `__init__` was made here; one that inherits another gets its own from there."""
-
-    def __init__(self, recipe: _Recipe) -> None:
-        self._recipe = recipe
-
-    def __get__(self, instance: Any, owner: type) -> inspect.Signature | None:
-        if getattr(owner, "__init__") is not getattr(self._recipe.cls, "__init__"):  # noqa: B009  (of classes)
-            return None
-        exact = inspect.signature(self._recipe.made("__init__"))
-        return exact.replace(parameters=list(exact.parameters.values())[1:])
 
 
 def _of_class(kind: Any) -> bool:
@@ -176,9 +173,20 @@ def _of_class(kind: Any) -> bool:
     return "ClassVar" in kind if isinstance(kind, str) else kind is ClassVar or get_origin(kind) is ClassVar
 
 
-def _no_assignment(_self: Any, name: str, _value: Any) -> NoReturn:
-    raise dataclasses.FrozenInstanceError(f"cannot assign to field {name!r}")
+def _freeze(cls: Any) -> None:
+    """Let a class refuse assignments to its instances; instances of classes that inherit it, those to its fields."""
 
+    def refuses(instance: Any, name: str) -> bool:
+        return type(instance) is cls or any(field.name == name for field in dataclasses.fields(cls))
 
-def _no_deletion(_self: Any, name: str) -> NoReturn:
-    raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
+    def __setattr__(self: Any, name: str, value: Any) -> None:
+        if refuses(self, name):
+            raise dataclasses.FrozenInstanceError(f"cannot assign to field {name!r}")
+        super(cls, self).__setattr__(name, value)
+
+    def __delattr__(self: Any, name: str) -> None:
+        if refuses(self, name):
+            raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
+        super(cls, self).__delattr__(name)
+
+    cls.__setattr__, cls.__delattr__ = __setattr__, __delattr__

@@ -280,6 +280,56 @@ class TestUse:
             case Kept(a, b):
                 assert (a, b) == (3, (4,))
 
+    @pytest.mark.parametrize("dataclass", [STANDARD, OURS])
+    def test_an_init_put_in_its_place_stays(self, dataclass: Any) -> None:
+        cls: Any = plain(dataclass)
+        cls(1)
+        standard, calls = cls.__init__, list[int]()
+
+        def counted(self: Any, a: int) -> None:
+            calls.append(a)
+            standard(self, a)
+
+        cls.__init__ = counted
+        made = [cls(a).a for a in range(2 * records.OFTEN)]
+        assert calls == made == list(range(2 * records.OFTEN))
+
+    @pytest.mark.parametrize("dataclass", [STANDARD, OURS])
+    def test_signature_of_an_instance_that_is_called(self, dataclass: Any) -> None:
+        @dataclass(frozen=True)
+        class Line:
+            """Text."""
+
+            slope: float
+
+            def __call__(self, x: float) -> float:
+                return self.slope * x
+
+        assert list(inspect.signature(Line(2.0)).parameters) == ["x"]
+        assert list(inspect.signature(Line.__init__).parameters) == ["self", "slope"]
+        assert inspect.signature(Line(2.0).__call__).return_annotation is float
+
+    @pytest.mark.parametrize("dataclass", [STANDARD, OURS])
+    def test_attributes_of_a_plain_class_that_inherits_a_frozen_one(self, dataclass: Any) -> None:
+        base: Any = plain(dataclass, frozen=True)
+
+        class Named(base):  # type: ignore[misc]
+            def __init__(self, name: str) -> None:
+                super().__init__(1)
+                self.name = name
+
+        one = Named("left")
+        assert (one.a, one.name) == (1, "left")
+        del one.name
+        with pytest.raises(FrozenInstanceError, match="cannot assign to field 'a'"):
+            one.a = 2
+        with pytest.raises(FrozenInstanceError, match="cannot delete field 'a'"):
+            del one.a
+
+    def test_replace_is_what_python_calls_from_3_13_on(self) -> None:
+        replaced: Any = vars(Kept)["__replace__"]
+        assert replaced(Kept(1), a=2) == Kept(2)
+
     def test_super_calls_what_is_made_later(self) -> None:
         @OURS
         class Base:
