@@ -1,7 +1,7 @@
 """The array types of the project, whose shape and unit stand in the docstring of what uses them; and unit vectors."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
@@ -63,6 +63,15 @@ def is_finite(value: Any) -> TypeGuard[float]:
         return math.isfinite(value)
     except OverflowError:  # a whole number of hundreds of digits
         return False
+
+
+def is_listed(value: Any) -> bool:
+    """Whether it is a list of whatever kind: no text, mapping, or array of a single number."""
+    return isinstance(value, Iterable) and not isinstance(value, str | bytes | Mapping) and _shape(value) != ()
+
+
+def _shape(value: Any) -> Any:
+    return getattr(value, "shape", None)
 
 
 def number_argument(

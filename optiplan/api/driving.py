@@ -75,7 +75,7 @@ def execution_by(
 
 
 def _made_by(name: str) -> Callable[..., Driver]:
-    if name not in DRIVERS:
+    if not isinstance(name, str) or name not in DRIVERS:
         raise UnknownChoiceError("driver", str(name), DRIVERS)
     module, _, attribute = DRIVERS[name].partition(":")
     make: Callable[..., Driver] = getattr(import_module(module), attribute)

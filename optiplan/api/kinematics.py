@@ -75,7 +75,7 @@ def ik(  # noqa: PLR0913  # one keyword for each thing that chooses among soluti
     name = _frame(arm, frame if frame is not None or not isinstance(pose, Pose) else pose.frame)
     named = arm.joint_names, arm.configurations
     start = wanted_configuration(arm) if near is None else configuration(*named, near, "ik", "near")
-    if prefer is not None and prefer not in AIMS:
+    if prefer is not None and (not isinstance(prefer, str) or prefer not in AIMS):
         raise wrong_argument("ik", "prefer", described(prefer), choices(str(prefer), AIMS))
     whole_argument("ik", "count", count, 1)
     wanted = None if prefer is None else Preference(prefer, start if prefer == "reference" else None)
@@ -97,7 +97,7 @@ def _loaded(robot: Any) -> Robot:
 
 def _frame(robot: Robot, name: str | None) -> str:
     frames = [str(frame.name) for frame in robot.model.frames[1:]]
-    if name is not None and name not in frames:
+    if name is not None and (not isinstance(name, str) or name not in frames):
         raise wrong_argument("ik", "frame", f"'{name}'", choices(str(name), frames))
     return robot.tool_frame if name is None else name
 
@@ -114,7 +114,7 @@ def _pose(pose: Any) -> pin.SE3:
         found = described(matrix)
     except InputError as error:
         raise error.about("op.Pose", "op.ik") from None
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         found = f"{described(pose)}: {error}"
     raise wrong_argument("ik", "pose", found, "op.Pose(position, rpy=…), a matrix (4, 4), or pinocchio.SE3")
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, get_args
 
-from optiplan.arrays import is_finite, number_argument
+from optiplan.arrays import is_finite, is_listed, number_argument
 from optiplan.errors import choice_argument, described, flag_argument, progress_argument, wrong_argument
 from optiplan.runs.run import Run
 from optiplan.simulation.execution import Engine, ExecutionOptions
@@ -104,7 +104,7 @@ def execute(
     options = ExecutionOptions(
         engine="mujoco" if engine == "mujoco" else "own",
         frequency=frequency,
-        payload=Payload(payload, 0.0) if payload else None,
+        payload=Payload(float(payload), 0.0) if payload else None,
         imperfections=Imperfections(delay=delay),
         grip=_grip(grip),
         wheels=bool(wheels),
@@ -127,7 +127,7 @@ def _speeds(speeds: Speeds) -> Speeds:
     if callable(speeds):
         return speeds
     expected = "pairs of a time >= 0, s, and a speed from 0 to 1, or a function of an executor"
-    if isinstance(speeds, str | bytes | Mapping) or not isinstance(speeds, Iterable):
+    if not is_listed(speeds):
         raise wrong_argument("execute", "speeds", described(speeds), expected)
     pairs = list(speeds)
     for k, pair in enumerate(pairs):

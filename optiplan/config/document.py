@@ -96,14 +96,23 @@ class Document:
         return Issue(str(self.path), self.line(path), field_name(path), one_line(found), expected, tuple(path))
 
 
-def plain(value: Any) -> Any:
-    """Lists, mappings, numbers and text, as a YAML file would give them, of numpy arrays, tuples and paths."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+_DEEPEST = 64
+"""Lists and mappings within each other; deeper ones may hold themselves."""
+
+
+def plain(value: Any, depth: int = _DEEPEST) -> Any:
+    """Lists, mappings, numbers and text, as a YAML file would give them, of numpy arrays, tuples and paths.
+
+    What is deeper than `depth` becomes the text `…`, which nothing takes.
+    """
     if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
+        value = value.tolist()
+    if isinstance(value, Mapping | list | tuple) and depth == 0:
+        return "…"
+    if isinstance(value, Mapping):
+        return {str(key): plain(item, depth - 1) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
+        return [plain(item, depth - 1) for item in value]
     return str(value) if isinstance(value, Path) else value
 
 

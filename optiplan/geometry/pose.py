@@ -140,7 +140,12 @@ class Pose:
             >>> tray = op.Pose((0.5, 0, 0.1), rpy_deg=(0, 0, 90))
             >>> (tray @ op.Pose((0.2, 0, 0.1))).position
             (0.5, 0.2, 0.2)
+
+        Raises:
+            InputError: `within` is no pose.
         """
+        if not isinstance(within, Pose):
+            raise wrong_argument("Pose", "@", described(within), "op.Pose(…)")
         placed = pose_to_data(pose_from_data(self.to_data()) * pose_from_data(within.to_data()))
         position = tuple(round(x, 12) for x in placed["position"])
         return replace(within, position=position, rpy=None, rpy_deg=None, quaternion=tuple(placed["quaternion"]))

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.arrays import Array, number_argument
+from optiplan.arrays import Array, is_listed, number_argument
 from optiplan.errors import described, wrong_argument
 from optiplan.records import dataclass
 
@@ -56,7 +56,7 @@ class SafePairs:
     def __post_init__(self) -> None:
         for name in ("of", "others"):
             stated = getattr(self, name)
-            if not isinstance(stated, Iterable):
+            if not isinstance(stated, str) and not is_listed(stated):
                 raise wrong_argument("SafePairs", name, described(stated), "a name of a body, or several")
             object.__setattr__(self, name, (stated,) if isinstance(stated, str) else tuple(stated))
 

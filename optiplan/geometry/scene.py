@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array, is_finite, number_argument
+from optiplan.arrays import Array, is_finite, is_listed, number_argument
 from optiplan.errors import described, flag_argument, wrong_argument
 from optiplan.geometry.file_shapes import Mesh, Octree, PointCloud
 from optiplan.geometry.obstacle_motion import ObstacleMotion
@@ -379,7 +379,7 @@ def _all(bodies: Iterable[Any], kind: type[Body], argument: str) -> tuple[Body, 
 
 
 def _listed(values: Any, argument: str, expected: str) -> list[Any]:
-    if isinstance(values, str | bytes | Mapping) or not isinstance(values, Iterable):
+    if not is_listed(values):
         raise wrong_argument("Scene", argument, described(values), f"{expected} in a list")
     return list(values)
 

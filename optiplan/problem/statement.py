@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import is_finite
+from optiplan.arrays import is_finite, is_listed
 from optiplan.config.document import plain
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.pose import Pose, Values, checked
@@ -248,6 +248,12 @@ def state_data(q: Any, velocity: Any = None, acceleration: Any = None) -> dict[s
 
 def _joint_values(values: Any) -> Any:
     return plain(values) if isinstance(values, Mapping) else np.asarray(values, dtype=float).tolist()
+
+
+def is_several(ends: Any) -> bool:
+    """Whether it is a list of ends, not one of them."""
+    listed = isinstance(ends, Sequence | np.ndarray) and is_listed(ends)
+    return listed and not is_configuration(ends)
 
 
 def is_configuration(value: Any) -> bool:

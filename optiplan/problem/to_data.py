@@ -4,7 +4,6 @@ from collections.abc import Container, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pinocchio as pin
 
 from optiplan.config.document import plain
@@ -16,7 +15,7 @@ from optiplan.geometry.scene import Scene
 from optiplan.geometry.shapes import shape_data
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.schema.joint_names import ends_of
-from optiplan.problem.statement import end_data, is_configuration, via_point_data
+from optiplan.problem.statement import end_data, is_configuration, is_several, via_point_data
 from optiplan.problem.tools.tool import stated_alone
 from optiplan.trajectory.state import State
 
@@ -43,7 +42,7 @@ def goal_data(goal: Any) -> dict[str, Any]:
     Raises:
         InputError: not an end, or a joint goal with a tolerance that files cannot hold.
     """
-    several = isinstance(goal, Sequence | np.ndarray) and not isinstance(goal, str) and not is_configuration(goal)
+    several = is_several(goal)
     ends = [
         end_data(end, "Problem", f"goal[{k}]" if several else "goal")
         for k, end in enumerate(goal if several else [goal])
@@ -53,11 +52,11 @@ def goal_data(goal: Any) -> dict[str, Any]:
     return ends[0] if len(ends) == 1 else {"any_of": ends}
 
 
-def via_data(vias: Any) -> list[dict[str, Any]]:
-    """`via:` of a file."""
-    if isinstance(vias, str | Mapping) or not isinstance(vias, Sequence | np.ndarray) or is_configuration(vias):
+def via_data(vias: Any, function: str = "Problem") -> list[dict[str, Any]]:
+    """`via:` of a file; `function` is whose argument it is."""
+    if not is_several(vias):
         expected = "a list of op.ViaPoint(…), op.Pose(…), configurations (n,) or names of them"
-        raise wrong_argument("Problem", "vias", described(vias), expected)
+        raise wrong_argument(function, "vias", described(vias), expected)
     return [via_point_data(via, f"vias[{k}]") for k, via in enumerate(vias)]
 
 

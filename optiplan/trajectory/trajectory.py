@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from optiplan._core import core
-from optiplan.arrays import Array, Index, ReadOnlyArrays, read_only
+from optiplan.arrays import Array, Index, ReadOnlyArrays, is_finite, read_only
 from optiplan.errors import InputError, Issue, described
 from optiplan.records import dataclass
 from optiplan.trajectory import bspline, polynomial
@@ -122,7 +122,7 @@ class Trajectory(ReadOnlyArrays):
             ValueError: if sizes do not fit, the degree is not 1 to 7, or the spline's domain is empty.
         """
         breakpoints, coefficients = bspline.pieces(knots, control_points, degree)
-        return cls(tuple(joint_names), breakpoints - breakpoints[0], coefficients)
+        return cls(tuple(joint_names or ()), breakpoints - breakpoints[0], coefficients)
 
     @property
     def duration(self) -> float:
@@ -290,8 +290,8 @@ class Trajectory(ReadOnlyArrays):
         Raises:
             InputError: the duration is not positive and finite. It is a ValueError too.
         """
-        if not 0.0 < duration < np.inf:
-            raise _Refused.of("duration", f"{duration}", "a positive number of seconds")
+        if not is_finite(duration) or duration <= 0.0:
+            raise _Refused.of("duration", described(duration), "a positive number of seconds")
         rate = self.duration / duration
         powers = rate ** np.arange(self.coefficients.shape[1])
         segments = tuple(segment.scaled(rate) for segment in self.segments)
@@ -299,7 +299,13 @@ class Trajectory(ReadOnlyArrays):
         return Trajectory(self.joint_names, *pieces, segments)
 
     def sample_times(self, rate: float) -> Array:
-        """Return equally spaced times (k,), s, from the start to the end, at least `rate` a second, Hz."""
+        """Return equally spaced times (k,), s, from the start to the end, at least `rate` a second, Hz.
+
+        Raises:
+            InputError: the rate is no positive number. It is a ValueError too.
+        """
+        if not is_finite(rate) or rate <= 0.0:
+            raise _Refused.of("rate", described(rate), "samples a second, above 0")
         return np.linspace(0.0, self.duration, int(np.ceil(min(self.duration * rate, _MOST_SAMPLES - 1))) + 1)
 
     def to_dict(self, rate: float | None = None) -> dict[str, Any]:

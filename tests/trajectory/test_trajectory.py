@@ -194,7 +194,7 @@ def test_scaling_divides_each_derivative_by_a_power():
     assert slow.duration == pytest.approx(2.5 * traj.duration)
     for order in range(3):
         np.testing.assert_allclose(slow(2.5 * t, order), traj(t, order) / 2.5**order, rtol=1e-9, atol=1e-9)
-    with pytest.raises(InputError, match=r"Trajectory: duration: found 0\.0"):
+    with pytest.raises(InputError, match=r"Trajectory: duration: found the float 0\.0"):
         traj.scaled(0.0)
 
 

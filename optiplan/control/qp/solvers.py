@@ -8,7 +8,7 @@ from proxsuite import proxqp
 
 from optiplan.arrays import Array
 from optiplan.control.qp.program import Program
-from optiplan.errors import wrong_argument
+from optiplan.errors import described, wrong_argument
 
 PRECISION = 1e-8
 """Absolute residual that is asked of solvers, rad/s or m/s."""
@@ -152,6 +152,6 @@ def make_solver(name: object) -> QpSolver:
     """
     if isinstance(name, QpSolver):
         return name
-    if name not in solver_names():
-        raise wrong_argument("Controller", "solver", f"{name!r}", f"one of: {', '.join(solver_names())}")
+    if not isinstance(name, str) or name not in solver_names():
+        raise wrong_argument("Controller", "solver", described(name), f"one of: {', '.join(solver_names())}")
     return ProxQp() if name in (NATIVE, PROXQP) else QpSolvers(str(name))

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, is_finite, is_listed
 from optiplan.errors import InputError, described, wrong_argument
 from optiplan.kinematics.symbolic.state import BatchedExpression, SymbolicState
 from optiplan.problem.constraints.base import WHOLE, During, Statement
@@ -55,14 +55,15 @@ class Expression(Statement):
             found = f"{described(self.name)} and {described(self.build)}"
             raise wrong_argument("Expression", "build", found, "a name, and a function of the robot's state")
         numbers = (self.lower, self.upper, 1.0 if self.scale is None else self.scale)
-        if not all(isinstance(x, int | float | np.floating) for x in numbers) or np.isnan(numbers).any():
-            raise wrong_argument("Expression", "lower", f"{self.lower!r} and {self.upper!r}", "numbers")
+        for argument, value in zip(("lower", "upper", "scale"), numbers, strict=True):
+            if not is_finite(value) and not (isinstance(value, float) and abs(value) == np.inf):
+                raise wrong_argument("Expression", argument, described(value), "a number")
         if not (np.isfinite(self.lower) or np.isfinite(self.upper)) or self.lower > self.upper or numbers[2] <= 0.0:
             found = f"[{self.lower:g}, {self.upper:g}] with a scale of {numbers[2]:g}"
             raise wrong_argument("Expression", "lower", found, "lower <= upper, one of them finite, and a scale > 0")
-        low, high = self.during
-        if not 0.0 <= low < high <= 1.0:
-            raise wrong_argument("Expression", "during", f"{self.during}", "(from, to) with 0 <= from < to <= 1")
+        within = list(self.during) if is_listed(self.during) else []
+        if len(within) != 2 or not all(map(is_finite, within)) or not 0.0 <= within[0] < within[1] <= 1.0:
+            raise wrong_argument("Expression", "during", described(self.during), "(from, to), 0 <= from < to <= 1")
 
     @property
     def size(self) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, is_listed
 from optiplan.config.document import plain
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.pose import Pose, Values, checked, place_data
@@ -16,8 +16,8 @@ from optiplan.problem.grasps.statement import Grasps
 from optiplan.problem.schema.joint_names import lists_of
 from optiplan.problem.schema.picks import KINDS, STEP
 from optiplan.problem.schema.task import TaskStepSpec
-from optiplan.problem.statement import End, Region, ViaPoint, end_data, is_configuration, via_point_data
-from optiplan.problem.to_data import path_constraint_data
+from optiplan.problem.statement import End, Region, ViaPoint, end_data, is_several
+from optiplan.problem.to_data import path_constraint_data, via_data
 from optiplan.records import dataclass
 
 Targets = str | PathLike[str] | Array | Sequence[Pose | Mapping[str, Any] | Sequence[float]]
@@ -63,9 +63,7 @@ class Task:
             group: of joints that move; None: that of the problem.
             step: see the class.
         """
-        said: dict[str, Any] = _ends(to, "Task.move", "to")
-        if vias:
-            said["via"] = [via_point_data(via, f"vias[{k}]") for k, via in enumerate(vias)]
+        said: dict[str, Any] = _ends(to, "Task.move", "to") | _vias(vias, "Task.move")
         return self._with("move", said | _given(rides=rides, group=group), step)
 
     def line(  # noqa: PLR0913
@@ -112,8 +110,7 @@ class Task:
         said = {"grasps": to.to_data()} if isinstance(to, Grasps) else _ends(to, "Task.approach", "to")
         if "any_of" in said:
             said["any_of"] = [one["pose"] if "pose" in one else one for one in said["any_of"]]
-        if vias:
-            said["via"] = [via_point_data(via, f"vias[{k}]") for k, via in enumerate(vias)]
+        said |= _vias(vias, "Task.approach")
         more = {"distance": distance, "along": along, "speed": speed, "blend": blend, "rides": rides, "group": group}
         return self._with("approach", said | _given(**more), step)
 
@@ -202,7 +199,8 @@ class Task:
         **step: Any,
     ) -> "Task":
         """Take an obstacle where it stands; see `Obstacle.attached_to`."""
-        said = {"object": object, "link": link, "touch": list(touch), "mass": mass, "centre": centre}
+        touched = list(touch) if is_listed(touch) else touch
+        said = {"object": object, "link": link, "touch": touched, "mass": mass, "centre": centre}
         return self._with("attach", _given(**said, inertia=inertia), step)
 
     def detach(self, object: str, **step: Any) -> "Task":
@@ -353,10 +351,14 @@ def _step(kind: str, said: Any, step: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _ends(to: Any, function: str, argument: str) -> dict[str, Any]:
-    several = isinstance(to, Sequence | np.ndarray) and not isinstance(to, str) and not is_configuration(to)
-    if not several:
+    if not is_several(to):
         return end_data(to, function, argument)
     return {"any_of": [end_data(end, function, f"{argument}[{k}]") for k, end in enumerate(to)]}
+
+
+def _vias(vias: Any, function: str) -> dict[str, Any]:
+    data = [] if vias is None else via_data(vias, function)
+    return {"via": data} if data else {}
 
 
 def _listed(values: Any) -> Sequence[Any]:

@@ -9,6 +9,9 @@ import pytest
 import optiplan as op
 from optiplan.planners.registry import make_planner
 
+ITSELF: list[object] = []
+ITSELF.append(ITSELF)
+
 SHELF = ("shelf", (1, 1, 1))
 CASES = {
     "box size": (lambda p: op.Box("b", size=(1, 2)), "op.Box: size", "3 values"),
@@ -118,6 +121,24 @@ CASES = {
     "group kind": (lambda p: op.load_robot("baxter", group=[]), "op.load_robot: group", "name of a group"),
     "locked kind": (lambda p: op.load_robot("baxter", locked=3), "op.load_robot: locked", "by joint"),
     "locked NaN": (lambda p: op.load_robot("baxter", locked={"right_s0": np.nan}), "locked.*right_s0", "finite"),
+    "pose times a number": (lambda p: op.Pose((0, 0, 1)) @ 2.0, "op.Pose: @", r"op\.Pose"),
+    "list in itself": (lambda p: op.Box("b", ITSELF), "op.Box: size", "number"),
+    "array of one number": (lambda p: op.Problem(p.robot, [0, 0], np.array(0.5)), "op.Problem: goal", "joints"),
+    "bodies in an array of one": (lambda p: op.Scene(np.array(0.5)), "op.Scene: obstacles", "in a list"),
+    "bodies of no names": (lambda p: op.SafePairs(np.array(0.5), ("a",), 0.1), "op.SafePairs: of", "name"),
+    "vias of a step": (lambda p: op.Task().move([1, 1], vias=3), "op.Task.move: vias", "op.ViaPoint"),
+    "vias of an approach": (lambda p: op.Task().approach(op.Pose((0, 0, 1)), 0.1, vias=3), "approach: vias", "list"),
+    "touch of a step": (
+        lambda p: op.Problem(p.robot, [0, 0], task=op.Task().attach("b", "hand", touch="tool")),
+        "attach.touch: 'tool'",
+        "list",
+    ),
+    "during of an expression": (lambda p: op.Expression("e", abs, 0.0, during=None), "op.Expression: during", "from"),
+    "upper of an expression": (lambda p: op.Expression("e", abs, 0.0, 10**400), "op.Expression: upper", "a number"),
+    "frame of arrays": (lambda p: op.ik(p.robot, np.eye(4), frame=np.zeros(2)), "op.ik: frame", "tool"),
+    "aim of arrays": (lambda p: op.ik(p.robot, np.eye(4), prefer=np.zeros(2)), "op.ik: prefer", "middle"),
+    "pose huge": (lambda p: op.ik(p.robot, 10**400), "op.ik: pose", r"\(4, 4\)"),
+    "solver of arrays": (lambda p: op.Controller(p.robot, [], solver=np.zeros(2)), "op.Controller: solver", "native"),
     "state huge": (lambda p: op.State([10**400]), "op.State: q", "number"),
     "task cost huge": (lambda p: op.PositionTask("tool", cost=10**400), "op.PositionTask: cost", ""),
     "task target huge": (lambda p: op.PoseTask("tool", target=10**400), "op.PoseTask: target", ""),
@@ -152,6 +173,10 @@ MOTION_CASES = {
     "time": (lambda run: run.trajectory("x"), "Trajectory: t", "times"),
     "time outside": (lambda run: run.trajectory(99.0), "Trajectory: t", "clamp=True"),
     "times in rows": (lambda run: run.trajectory(np.zeros((2, 2))), "Trajectory: t", r"\(k,\)"),
+    "scaled": (lambda run: run.trajectory.scaled(None), "Trajectory: duration", "seconds"),
+    "rate of samples": (lambda run: run.trajectory.to_dict(rate="x"), "Trajectory: rate", "samples a second"),
+    "rate of 0": (lambda run: run.trajectory.sample_times(0), "Trajectory: rate", "above 0"),
+    "speeds in an array of one": (lambda run: op.execute(run, speeds=np.array(0.5)), "op.execute: speeds", "pairs"),
     "order": (lambda run: run.trajectory(0.1, None), "Trajectory: order", "whole number"),
     "state": (lambda run: run.trajectory.state("x"), "Trajectory: t", "a time"),
     "order below 0": (lambda run: run.trajectory(0.1, -1), "Trajectory: order", "0 or more"),
