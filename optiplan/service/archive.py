@@ -10,6 +10,7 @@ from optiplan.runs.run_folder import RUN, TRAJECTORY
 from optiplan.service.refusals import Refusal, not_found
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.store.contents import ContentFolder
+from optiplan.service.store.even_clock import EvenClock
 from optiplan.service.store.keyed_tables import BenchTable, ProblemTable
 from optiplan.service.store.run_table import ENDED, Record, RunTable
 from optiplan.service.store.tables import open_database, store_name
@@ -40,6 +41,7 @@ class Archive:
         benches: the table of benches.
         contents: the folder of contents.
         uploads: the folder of uploaded files.
+        clock: whether it goes evenly.
         saving: runs that were answered and are being stored, by id.
     """
 
@@ -54,7 +56,7 @@ class Archive:
         self.engine = open_database(settings.database_url)
         self.contents.claim(store_name(self.engine))
         self.runs, self.problems = RunTable(self.engine), ProblemTable(self.engine)
-        self.benches = BenchTable(self.engine)
+        self.benches, self.clock = BenchTable(self.engine), EvenClock(self.engine)
         self.saving: dict[str, asyncio.Future[None]] = {}
         self._writers = ThreadPoolExecutor(WRITERS, "write")
         self._readers = ThreadPoolExecutor(READERS, "read")

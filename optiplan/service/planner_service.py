@@ -1,5 +1,8 @@
 """`PlannerService`: the parts of a server."""
 
+import math
+from dataclasses import replace
+
 from optiplan.service.archive import Archive, outdated, sweep
 from optiplan.service.benches import Benches
 from optiplan.service.execution.event_writer import EventWriter
@@ -79,8 +82,14 @@ class PlannerService:
         self.archive.close()
 
     def tidy(self) -> None:
-        """Delete runs and uploads beyond the limits, and contents without a run or problem."""
-        for run in outdated(self.archive.runs, self.settings):
+        """Delete runs and uploads beyond the limits, and contents without a run or problem.
+
+        What is only too old stays while the clock has not gone evenly.
+        """
+        even = self.archive.clock.even()
+        limits = self.settings if even else replace(self.settings, keep_days=math.inf)
+        for run in outdated(self.archive.runs, limits):
             self.queued.forget(run)
-        sweep(self.archive.contents, self.archive.runs, self.archive.problems)
-        self.archive.uploads.sweep(self.settings.keep_days)
+        if even:
+            sweep(self.archive.contents, self.archive.runs, self.archive.problems)
+        self.archive.uploads.sweep(limits.keep_days)

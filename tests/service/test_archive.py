@@ -1,8 +1,10 @@
 """What is kept for how long: by age, by size, and what nobody refers to; databases of older layouts are brought up,
 and deleted ones told."""
 
+import os
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 import sqlalchemy as sa
@@ -138,6 +140,19 @@ def test_a_server_tidies_what_is_outdated_and_keeps_the_rest(server, monkeypatch
     again = server.submit(seed=7001)["id"]
     assert again == old
     assert server.ended(again)["status"] == "done", "it is made anew"
+
+
+def test_a_server_deletes_nothing_for_its_age_when_its_clock_was_set(server, monkeypatch):
+    run = server.submit(seed=7003)["id"]
+    server.ended(run)
+    server.http.put("/api/uploads/kept.obj", content=b"v 0 0 0")
+    os.utime(server.service.settings.upload_folder / "kept.obj", (0.0, 0.0))
+    with server.service.archive.engine.begin() as connection:
+        connection.execute(runs.update().where(runs.c.id == run).values(submitted=0.0))
+    monkeypatch.setattr(server.service.archive, "clock", SimpleNamespace(even=lambda: False))
+    server.service.tidy()
+    assert server.http.get(f"/api/runs/{run}/trajectory.json").status_code == 200
+    assert server.http.delete("/api/uploads/kept.obj").status_code == 204
 
 
 def test_a_server_keeps_no_more_than_it_may(server, monkeypatch):

@@ -50,7 +50,7 @@ about = sa.Table(
     sa.Column("key", sa.String(40), primary_key=True),
     sa.Column("value", sa.Text, nullable=False),
 )
-"""`layout`, and `store`: which folder of contents belongs to this database."""
+"""`layout`; `store`: which folder of contents belongs to this database; and what others note under a key of theirs."""
 
 problems = sa.Table(
     "optiplan_problems",
