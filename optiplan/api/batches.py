@@ -140,7 +140,7 @@ def plan_batch(  # noqa: PLR0913  # what a caller may say of a batch
                 progress(episode.file, k / len(left))
         store.flush()
         counts, wrong = Counter[str](), list[Mapping[str, Any]]()
-        for row in store.rows(["state", "detail"]):
+        for row in store.rows(["state", "detail"], set(files)):
             counts[row["state"]] += 1
             if row["state"] != VERIFIED:
                 wrong.append(row)

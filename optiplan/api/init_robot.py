@@ -27,7 +27,7 @@ from optiplan.errors import (
     wrong_argument,
 )
 from optiplan.importers.robots.describe import describe
-from optiplan.planners.base import Progress
+from optiplan.planners.base import Progress, silent
 from optiplan.robot.limits import DEFAULTS, joint_units
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.robot.urdf.srdf import link_pair
@@ -50,7 +50,7 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
     limits: Mapping[str, float] | None = None,
     allow_pairs: str | Sequence[tuple[str, str]] = (),
     replace_files: bool = False,
-    progress: Progress = lambda stage, fraction: None,
+    progress: Progress | None = None,
 ) -> Robot:
     """Make a robot of a URDF, or import one: find the pairs of links that need no check, write robot.yaml, robot.srdf.
 
@@ -92,6 +92,7 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
     text_argument("init_robot", "tool_frame", tool_frame, "the name of a link or fixed frame")
     flag_argument("init_robot", "replace_files", replace_files)
     progress_argument("init_robot", progress)
+    told = progress or silent
     for argument, given in (("locked", locked), ("limits", limits)):
         if given is not None and not isinstance(given, Mapping):
             raise wrong_argument("init_robot", argument, described(given), "values by name, such as {'name': 0.1}")
@@ -112,12 +113,12 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
         expected = f"'{TOUCHING}', or pairs of links such as [('link_4', 'link_6')]"
         raise wrong_argument("init_robot", "allow_pairs", described(allow_pairs), expected)
     choices = Choices(tuple(group), tool_frame, tuple((locked or {}).items()), checked, pairs)
-    progress("reading the robot", 0.0)
+    told("reading the robot", 0.0)
     read = describe(path)
     with words_of_call("op.init_robot", _WORDS):
         refuse_files(folder, replace_files, read)
     with laid_out(read, name) as source:
-        robot, choices = prepare(source, choices, allow_pairs == TOUCHING, progress)
+        robot, choices = prepare(source, choices, allow_pairs == TOUCHING, told)
         write_robot(source, folder, robot, choices)
     return load_robot(str(folder / YAML_NAME))
 

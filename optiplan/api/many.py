@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from optiplan.api.planning import BUDGET, checked_problem, positive_seconds
+from optiplan.arrays import is_listed
 from optiplan.cores import WHY_DEAD, OneThreadContext, cores
 from optiplan.errors import (
     InputError,
@@ -116,7 +117,7 @@ class _Runs(Iterator[Run]):
 
 def _requests(problems: Any, planner: str | None, options: Mapping[str, Any] | None, seconds: float) -> list[_Request]:
     """Return what is asked for, once everything that holds for all problems is known to fit."""
-    if isinstance(problems, str | Mapping | Problem) or not isinstance(problems, Iterable):
+    if isinstance(problems, Problem) or not is_listed(problems):
         raise wrong_argument("plan_many", "problems", described(problems), "a list of problems, of op.load_problem(…)")
     if planner is not None and not isinstance(planner, str):
         raise wrong_argument("plan_many", "planner", described(planner), "the name of a planner, or `module:Class`")

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optiplan.api.loading import load_run
-from optiplan.errors import UnknownChoiceError, choice_argument, described, path_argument, wrong_argument
+from optiplan.errors import UnknownChoiceError, choice_argument, described, flag_argument, path_argument, wrong_argument
 from optiplan.runs.run import Run
 from optiplan.viewer.plots.figures import (
     FIGURES,
@@ -69,7 +69,8 @@ def plot(
         choice_argument("plot", "figure", figure, known)
     name = figure or usual(style, len(runs))[0]
     drawn = comparable([_plotted(run) for run in runs], "op.plot") if runs or name in FIGURES else ()
-    options = PlotOptions(_names(joints), bool(share), _count(frames), style)
+    flag_argument("plot", "share", share)
+    options = PlotOptions(_names(joints), share, _count(frames), style)
     try:
         if path is not None:
             save_figures([name], drawn, options, path)

@@ -22,6 +22,7 @@ from optiplan.errors import (
     described,
     options_argument,
     seed_argument,
+    text_argument,
     wrong_argument,
 )
 from optiplan.files import read_bytes
@@ -105,8 +106,8 @@ class Client:
         A motion whose record cannot be had, as where the server's disk is full, is returned without what stands there.
         """
         asked = _problem(problem)
-        given = self._submission(asked, planner, options, budget, seed, deadline)
-        given |= {"warm_start": warm_start, "rate": 0}
+        given = self._submission(asked, planner, options, budget, seed, deadline, warm_start)
+        given |= {"rate": 0}
         answer = self._sent("POST", "/api/plan", given, (given["deadline"] or given["budget"]) + PATIENCE)
         return self._run(asked, answer, waited=True)
 
@@ -125,8 +126,8 @@ class Client:
         Raises:
             InputError, ServerError: as `plan`.
         """
-        given = self._submission(_problem(problem), planner, options, budget, seed, deadline)
-        given |= {"warm_start": warm_start, "submission": self._name}
+        given = self._submission(_problem(problem), planner, options, budget, seed, deadline, warm_start)
+        given |= {"submission": self._name}
         return str(self._sent("POST", "/api/runs", given)["id"])
 
     def status(self, run: str) -> dict[str, Any]:
@@ -135,7 +136,7 @@ class Client:
         Raises:
             ServerError: there is none of that id.
         """
-        return self._sent("GET", f"/api/runs/{run}")
+        return self._sent("GET", f"/api/runs/{_id('status', run)}")
 
     def watch(self, run: str) -> Iterator[dict[str, Any]]:
         """What happens in a run, until it has ended; a connection that breaks on the way is made anew.
@@ -170,7 +171,9 @@ class Client:
     def _events(self, run: str, seen: str) -> Iterator[tuple[str, dict[str, Any]]]:
         """The events of a stream, with their ids; those after the one that was seen."""
         try:
-            yield from server_events(self._http, f"/api/runs/{run}/events", {"Last-Event-ID": seen} if seen else None)
+            yield from server_events(
+                self._http, f"/api/runs/{_id('watch', run)}/events", {"Last-Event-ID": seen} if seen else None
+            )
         except httpx.HTTPStatusError as error:
             _check(error.response)
             raise
@@ -256,7 +259,7 @@ class Client:
         Raises:
             ServerError: there is none of that id.
         """
-        self._send("POST", f"/api/runs/{run}/cancel", params={"submission": self._name})
+        self._send("POST", f"/api/runs/{_id('cancel', run)}/cancel", params={"submission": self._name})
 
     def close(self) -> None:
         """Close the connections."""
@@ -282,8 +285,11 @@ class Client:
         budget: float,
         seed: int | None,
         deadline: float | None,
+        warm_start: str | None,
     ) -> dict[str, Any]:
         options_argument("Client", options)
+        text_argument("Client", "planner", planner, "the name of a planner, or None")
+        text_argument("Client", "warm_start", warm_start, "the id of a run on the server, or None")
         given = {
             "problem": self._data(problem),
             "planner": planner,
@@ -294,7 +300,7 @@ class Client:
         if deadline is not None:
             expected = "a number of seconds above 0, or None"
             deadline = number_argument("Client", "deadline", deadline, expected, above=0.0)
-        return given | {"deadline": deadline}
+        return given | {"deadline": deadline, "warm_start": warm_start}
 
     def _data(self, problem: Problem) -> dict[str, Any]:
         """A problem as data; its meshes are uploaded."""
@@ -352,6 +358,13 @@ class _OurData(dict[str, Any]):
 
 def _not_ours(url: str) -> ServerError:
     return ServerError(0, f"what answers at {url} is no `optiplan serve`, or one of another version")
+
+
+def _id(function: str, run: Any) -> str:
+    """Return the id of a run that a path can hold."""
+    if not isinstance(run, str) or not re.fullmatch(r"[\w-]+", run, re.ASCII):
+        raise wrong_argument(f"Client.{function}", "run", described(run), "the id of a run on the server")
+    return run
 
 
 def _json(function: str, given: Mapping[str, Any], below: str = "") -> dict[str, Any]:

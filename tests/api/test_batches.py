@@ -99,6 +99,18 @@ def test_again_it_plans_only_what_is_new_or_changed(tmp_path):
     assert json.loads((less.data_sets[0] / "meta" / "info.json").read_text())["total_episodes"] == 3
 
 
+def test_a_file_that_is_not_there_is_a_bad_one(tmp_path):
+    root = folder_of_problems(tmp_path / "problems")
+    (root / "link.yaml").symlink_to(tmp_path / "nothing.yaml")
+    found = op.plan_batch(root, tmp_path / "out")
+    assert found.counts == {"verified": 3, "bad-input": 2}
+    assert dict(found.bad)["link.yaml"].endswith("No such file or directory; expected a readable YAML file")
+    (root / "link.yaml").unlink()
+    assert op.plan_batch(root, tmp_path / "out").counts == {"verified": 3, "bad-input": 1}
+    listed = op.plan_batch([root / "a/one.yaml", root / "three.yaml"], tmp_path / "listed")
+    assert (listed.counts, [name for name, _ in listed.bad]) == ({"verified": 1, "bad-input": 1}, ["three.yaml"])
+
+
 def test_an_exception_nobody_expects_is_a_row(problems, monkeypatch):
     def broken(*_, **__):
         raise ZeroDivisionError("one by zero")

@@ -7,7 +7,7 @@ from typing import Any
 from optiplan.api.checking import planner_issues
 from optiplan.api.planning import plan_within, positive_seconds
 from optiplan.errors import InputError, described, path_argument, progress_argument, wrong_argument
-from optiplan.planners.base import Budget, Progress
+from optiplan.planners.base import Budget, Progress, silent
 from optiplan.runs.run_folder import check_folder
 from optiplan.studies.assembly.measuring import Measured, measure_jobs
 from optiplan.studies.assembly.result import Assignment, Planned, job_times
@@ -32,7 +32,7 @@ def assign(
     *,
     out: Path | str | None = None,
     budget: float = BUDGET,
-    progress: Progress = lambda stage, fraction: None,
+    progress: Progress | None = None,
 ) -> Assignment:
     """Give the jobs of an assembly to arms, so that the last one is done soonest, proved.
 
@@ -70,7 +70,7 @@ def assign(
         check_folder(folder)
     if not isinstance(source, Mapping) and (wrong := planner_issues(Path(source))):
         raise InputError(wrong)
-    found = _AssignmentSearch(read_assembly(source), Budget(seconds), progress).result()
+    found = _AssignmentSearch(read_assembly(source), Budget(seconds), progress or silent).result()
     if folder is not None:
         found.save(folder)
     return found

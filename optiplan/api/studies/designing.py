@@ -8,7 +8,7 @@ from typing import Any
 from optiplan.api.planning import plan_within, positive_seconds
 from optiplan.api.studies.result_folder import ResultFolder
 from optiplan.errors import described, path_argument, progress_argument, wrong_argument
-from optiplan.planners.base import Budget, Progress
+from optiplan.planners.base import Budget, Progress, silent
 from optiplan.studies.measures import MEASURES, check_measures
 from optiplan.studies.proof import DesignProof, chosen_designs, prove_design
 from optiplan.studies.result import DesignResult
@@ -24,7 +24,7 @@ def design(
     *,
     out: Path | str | None = None,
     budget: float | None = None,
-    progress: Progress = lambda stage, fraction: None,
+    progress: Progress | None = None,
 ) -> DesignResult:
     """Search numbers of a robot, such as link lengths, masses and limits, for the best compromises.
 
@@ -74,8 +74,9 @@ def design(
     began = perf_counter()
     read = read_study(study, MEASURES)
     check_measures(read)
-    search = search_designs(read, allowed, progress)
-    proofs = _proofs(read, search, progress)
+    told = progress or silent
+    search = search_designs(read, allowed, told)
+    proofs = _proofs(read, search, told)
     result = DesignResult(read, search, proofs, perf_counter() - began)
     if folder is not None:
         save_design(result, folder)

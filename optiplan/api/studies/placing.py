@@ -13,7 +13,7 @@ from optiplan.api.studies.result_folder import ResultFolder
 from optiplan.arrays import number_argument
 from optiplan.errors import InputError, described, path_argument, progress_argument, whole_argument, wrong_argument
 from optiplan.geometry.poses import pose_to_data
-from optiplan.planners.base import Budget, Progress
+from optiplan.planners.base import Budget, Progress, silent
 from optiplan.planners.tours.placing import PlaceRange, PlaceScores, moved_base, search_places
 from optiplan.problem.from_python import file_data
 from optiplan.problem.load import problem_from_dict
@@ -122,7 +122,7 @@ def place(
     *,
     out: Path | str | None = None,
     budget: float = BUDGET,
-    progress: Progress = lambda stage, fraction: None,
+    progress: Progress | None = None,
 ) -> Placement:
     """Find where the robot should stand: the base pose at which a task is feasible and fastest, proved.
 
@@ -154,11 +154,12 @@ def place(
     if not isinstance(problem, Problem) or not problem.source:
         raise wrong_argument("place", "problem", described(problem), "a problem that was read, or made by op.Problem")
     progress_argument("place", progress)
+    told = progress or silent
     if not isinstance(robot, Robot | str | Path | None):
         expected = "a Robot, the name of a shipped one, or the path of a robot.yaml"
         raise wrong_argument("place", "robot", described(robot), expected)
     seconds = positive_seconds("place", budget)
-    where = _checked(where or PlaceRange())
+    where = _checked(PlaceRange() if where is None else where)
     folder = None if out is None else path_argument("place", "out", out, "the path of a folder")
     if folder is not None:
         file_data(problem, "place")  # else `save` would refuse it once all is planned
@@ -167,12 +168,12 @@ def place(
     problem = problem if robot is None else _with_robot(problem, robot)
     _refuse_several(problem.robot, "robot")
     whole = Budget(seconds)
-    scores = search_places(problem, where, whole.share(_MAP), progress)
-    given = plan(problem, budget=_share(whole, 1 + _PLANNED), progress=partial(_quiet, progress))
+    scores = search_places(problem, where, whole.share(_MAP), told)
+    given = plan(problem, budget=_share(whole, 1 + _PLANNED), progress=partial(_quiet, told))
     runs: list[tuple[tuple[float, ...], Run]] = []
     refused: list[tuple[tuple[float, ...], str]] = []
     for count, moved in enumerate(_candidates(scores)):
-        progress("planning at the best places", count / _PLANNED)
+        told("planning at the best places", count / _PLANNED)
         try:
             own = problem.with_base(_base(problem, moved))
         except InputError as error:  # such as a start that the exact shapes of the verifier's model collide at

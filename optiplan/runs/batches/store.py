@@ -11,7 +11,7 @@ import errno
 import json
 import os
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import fields
 from importlib import import_module
 from importlib.util import find_spec
@@ -121,17 +121,17 @@ class BatchStore:
                 found |= {(file, seed): digest} if state in ANSWERS else {}
         return found
 
-    def rows(self, columns: list[str] | None = None) -> Iterator[dict[str, Any]]:
+    def rows(self, columns: list[str] | None = None, asked: Container[str] = ()) -> Iterator[dict[str, Any]]:
         """Yield the last row of every file and seed, in the order in which they were written, one part in memory.
 
-        Those of files that are gone are left out.
+        Those of files that are gone are left out, but for files that are `asked` for.
         """
         last: dict[Key, tuple[int, int]] = {}
         for number, part in enumerate(self.parts()):
             keys = self._pq.read_table(part, columns=["file", "wanted_seed"]).to_pydict()
             for k, key in enumerate(zip(keys["file"], keys["wanted_seed"], strict=True)):
                 last[key] = number, k
-        gone = self._gone(last)
+        gone = {file for file in self._gone(last) if file not in asked}
         wanted = None if columns is None else [*dict.fromkeys([*columns, "file", "wanted_seed"])]
         for number, part in enumerate(self.parts()):
             for k, row in enumerate(self._pq.read_table(part, columns=wanted).to_pylist()):
