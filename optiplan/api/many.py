@@ -1,5 +1,6 @@
 """`plan_many`: many problems, side by side in processes or on a Dask cluster."""
 
+import pickle
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -21,6 +22,7 @@ from optiplan.errors import (
 )
 from optiplan.planners.base import Budget, Progress, silent
 from optiplan.planners.registry import make_planner
+from optiplan.problem.from_python import split_expressions
 from optiplan.problem.problem import Problem
 from optiplan.records import dataclass
 from optiplan.runs.batches.workers import end_pool, is_dask_client, submitted
@@ -83,6 +85,7 @@ def plan_many(
         return _Runs(_ordered(requests, [_arriving(one) for one in there], progress), lambda: client.cancel(there))
     if workers is not None:
         whole_argument("plan_many", "workers", workers, 1, "a whole number >= 1, or a Dask client (distributed.Client)")
+    _check_functions(requests)
     count = min(workers or cores(), max(len(requests), 1))
     pool = ProcessPoolExecutor(count, OneThreadContext())
     futures = [submitted(pool, _planned, one) for one in requests]
@@ -133,6 +136,18 @@ def _requests(problems: Any, planner: str | None, options: Mapping[str, Any] | N
             found, expected = f"'{error.found}'", f"one of: {', '.join(error.choices)}"
             raise wrong_argument("plan_many", argument, found, expected) from None
     return [_Request(problem, *chosen(problem, planner, options), seconds) for problem in given]
+
+
+def _check_functions(requests: Sequence[_Request]) -> None:
+    """Refuse expressions whose function no other process can load, before anything is planned."""
+    for k, request in enumerate(requests):
+        for one in split_expressions(request.problem.path_constraints)[1]:
+            try:
+                pickle.dumps(one.build)
+            except Exception:  # whatever a function of the user holds
+                found = f"the expression '{one.name}', whose function no other process can load"
+                expected = "a function that a module defines (`def`, no lambda)"
+                raise wrong_argument("plan_many", f"problems[{k}]", found, expected) from None
 
 
 def _planned(request: _Request) -> Run:

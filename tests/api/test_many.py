@@ -103,3 +103,10 @@ def test_wrong_arguments_are_told_at_the_call(problems, arguments, words):
     with pytest.raises(op.InputError) as caught:
         op.plan_many(**{"problems": problems, **arguments})
     assert str(caught.value).startswith(words)
+
+
+def test_an_expression_that_no_process_can_load_is_named_before_anything_is_planned():
+    problem = op.load_problem("12_planar")
+    mine = problem.with_constraints(op.Expression("level", lambda state: state.q[0], upper=3.0))
+    with pytest.raises(op.InputError, match=r"op.plan_many: problems\[1\]: found the expression 'level'.*no lambda"):
+        op.plan_many([problem, mine])
