@@ -194,13 +194,13 @@ def seed_argument(function: str, value: object) -> int:
 
 
 @contextmanager
-def writing(function: str, path: Path | str) -> Iterator[None]:
-    """Turn an `OSError` within into an `InputError` about the argument `path`, a file that is written."""
+def writing(function: str, path: Path | str, argument: str = "path") -> Iterator[None]:
+    """Turn an `OSError` within into an `InputError` about an argument, the path of a file that is written."""
     try:
         yield
     except OSError as error:
         found = f"{str(path)!r} ({(error.strerror or str(error)).lower()})"
-        raise wrong_argument(function, "path", found, "a file that can be written") from None
+        raise wrong_argument(function, argument, found, "a file that can be written") from None
 
 
 class InputError(OptiPlanError):

@@ -5,7 +5,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optiplan.api.loading import load_run
-from optiplan.errors import UnknownChoiceError, choice_argument, described, flag_argument, path_argument, wrong_argument
+from optiplan.errors import (
+    UnknownChoiceError,
+    choice_argument,
+    described,
+    flag_argument,
+    path_argument,
+    writing,
+    wrong_argument,
+)
 from optiplan.runs.run import Run
 from optiplan.viewer.plots.figures import (
     FIGURES,
@@ -73,7 +81,8 @@ def plot(
     options = PlotOptions(_names(joints), share, _count(frames), style)
     try:
         if path is not None:
-            save_figures([name], drawn, options, path)
+            with writing("plot", path, "out"):
+                save_figures([name], drawn, options, path)
         drawn_figure: Figure = draw(name, drawn, options)
         return drawn_figure
     except UnknownChoiceError as error:

@@ -103,6 +103,10 @@ def check_folder(folder: Path) -> None:
         InputError: it is a file, or it or its nearest parent cannot be written.
     """
     parent = folder.absolute()
+    try:
+        folder.exists()
+    except OSError as error:  # such as a name that is too long
+        raise _cannot_write(folder, (error.strerror or str(error)).lower()) from None
     while not (parent.exists() or parent.is_symlink()):
         parent = parent.parent
     found = None
@@ -118,7 +122,11 @@ def check_folder(folder: Path) -> None:
         if (folder / name).is_dir():
             found = f"{folder / name} is a folder"
     if found is not None:
-        raise InputError([Issue(str(folder), None, "out", found, "a folder that can be written")])
+        raise _cannot_write(folder, found)
+
+
+def _cannot_write(folder: Path, found: str) -> InputError:
+    return InputError([Issue(str(folder), None, "out", found, "a folder that can be written")])
 
 
 def load_run(place: Path | str, joint_names: Sequence[str] | None = None) -> StoredRun:

@@ -140,6 +140,7 @@ CASES = {
     "pose huge": (lambda p: op.ik(p.robot, 10**400), "op.ik: pose", r"\(4, 4\)"),
     "solver of arrays": (lambda p: op.Controller(p.robot, [], solver=np.zeros(2)), "op.Controller: solver", "native"),
     "problems in an array of one": (lambda p: op.plan_many(np.array(0.5)), "op.plan_many: problems", "list"),
+    "folder of a long name": (lambda p: op.place(p, out=300 * "x"), "out: file name too long", "can be written"),
     "where of arrays": (lambda p: op.place(p, where=np.zeros(2)), "op.place: where", "op.PlaceRange"),
     "planner of a client": (lambda p: op.Client("http://127.0.0.1:9").plan(p, np.eye(2)), "planner", "name"),
     "run of a client": (lambda p: op.Client("http://127.0.0.1:9").status(np.eye(2)), "op.Client.status: run", "id"),
@@ -177,6 +178,7 @@ MOTION_CASES = {
     "time": (lambda run: run.trajectory("x"), "Trajectory: t", "times"),
     "time outside": (lambda run: run.trajectory(99.0), "Trajectory: t", "clamp=True"),
     "times in rows": (lambda run: run.trajectory(np.zeros((2, 2))), "Trajectory: t", r"\(k,\)"),
+    "picture nowhere": (lambda run: op.plot(run, out="/proc/no/a.png"), "op.plot: out", "a file that can be written"),
     "share": (lambda run: op.plot(run, share=np.zeros(2)), "op.plot: share", "True or False"),
     "warm start of a client": (
         lambda run: op.Client("http://127.0.0.1:9").plan(run.problem, warm_start=run),
