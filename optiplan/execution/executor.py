@@ -288,7 +288,11 @@ class Executor(LawFollower):
         """Go on along the law for `duration`, s, as a robot did that got no set-points; return the events on the way.
 
         Nothing takes over or turns meanwhile: the robot would not know.
+
+        Raises:
+            InputError: the duration is no number, or below 0.
         """
+        duration = number_argument("Executor.coast", "duration", duration, "seconds >= 0", 0.0)
         end, events, self._turned = self.time + duration, tuple[Segment, ...](), None
         if self._detour is not None:
             self._detour.drop()

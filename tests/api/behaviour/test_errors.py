@@ -173,6 +173,7 @@ def test_a_wrong_argument_is_named(problem, name):
 
 
 MOTION_CASES = {
+    "coast for ever": (lambda run: op.Executor(run).coast(np.inf), "op.Executor.coast: duration", ">= 0"),
     "engine of arrays": (lambda run: op.execute(run, engine=np.zeros(2)), "op.execute: engine", "one of"),
     "driver of arrays": (lambda run: op.driver("sim", run, engine=np.zeros(2)), "op.driver: engine", "one of"),
     "time": (lambda run: run.trajectory("x"), "Trajectory: t", "times"),
