@@ -16,7 +16,7 @@ import pinocchio as pin
 from optiplan._core import core
 from optiplan.arrays import Array, Flags, Index, distinct
 from optiplan.collision.model import CollisionModel, SameBodies
-from optiplan.collision.native_model import native_shape
+from optiplan.collision.native_model import native_hull, native_shape
 from optiplan.records import dataclass
 from optiplan.robot.loaded_robots import once_for_each
 from optiplan.robot.mimic_joints import coupling, screws
@@ -253,7 +253,7 @@ def _proved(known: BodyShape) -> "ProvedShape | None":
     flat = isinstance(known.shape, coal.Halfspace)
     if not (len(points) or known.round is not None or flat):
         return None
-    outline = core.Shape.convex_hull(points) if len(points) else native_shape(known.shape)
+    outline = native_hull(points) if len(points) else native_shape(known.shape)  # the planners': it proposes normals
     return None if outline is None else core.ProvedShape.of(outline, round_, points)
 
 
