@@ -49,6 +49,8 @@ def inherited(dataclass: Any, **options: Any) -> type:
     class Base(Generic[T]):
         """Text."""
 
+        kind: ClassVar[str]
+        other: "ClassVar[int]" = 3
         a: T
         b: int = 1
 

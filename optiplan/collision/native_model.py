@@ -210,6 +210,13 @@ def _links_of(model: CollisionModel) -> "list[Body | None]":
     return _links[robot]
 
 
+def make_links(robot: Robot) -> None:
+    """Give the core the robot's own bodies and their clusters, where it has them not yet."""
+    if core is not None:
+        _link_shapes(robot)
+        _clusters(robot)
+
+
 @once_for_each_robot
 def _link_shapes(robot: Robot) -> "list[list[Shape]]":
     return [_shapes_of(body.geometry) for body in robot.geometry.geometryObjects]

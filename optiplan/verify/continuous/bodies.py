@@ -21,7 +21,7 @@ from optiplan.records import dataclass
 from optiplan.robot.loaded_robots import once_for_each, once_for_each_robot
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_bounds import LocalBox, ball_to_box, local_box
-from optiplan.verify.continuous.pair_tree import ClusterHull, PairTree
+from optiplan.verify.continuous.pair_tree import ClusterHull, PairTree, hulls_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +85,13 @@ def _shapes_of(model: CollisionModel) -> list[BodyShape]:
 @once_for_each
 def _shape_of_hull(hull: ClusterHull) -> BodyShape:
     return BodyShape.of(hull.shape, hull.box)
+
+
+def bodies_of_links(robot: Robot) -> list[BodyShape]:
+    """The bodies of a robot, the hulls of their clusters, and the parts of those that are meshes."""
+    links = _shapes_of_links(robot)
+    meshes = [k for k, known in enumerate(links) if isinstance(known.shape, coal.BVHModelBase)]
+    return [*links, *map(_shape_of_hull, hulls_of(robot)), *(part for k in meshes for part in parts_of_link(robot, k))]
 
 
 _MANY = 200
