@@ -34,7 +34,7 @@ _ASKED = "__dataclass_fields__", "__dataclass_params__", "__match_args__"
 
 _NONE = dataclasses.MISSING
 
-OFTEN = 30
+OFTEN = 200
 """Instances after which the standard `__init__` is compiled: it takes half a microsecond for each value."""
 
 _MAKING = threading.RLock()

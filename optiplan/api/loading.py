@@ -13,14 +13,14 @@ from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
 from optiplan.robot import robot
 from optiplan.robot.robot import Robot
-from optiplan.runs.robot_preparation import make_ready
+from optiplan.runs.preparation import make_ready
 from optiplan.runs.run import Run
 
 
 def load_problem(source: Path | str | Mapping[str, Any], **overrides: Any) -> Problem:
     """A problem from a YAML file, the name of an example, or a mapping that says what a file would.
 
-    Its planner is loaded as well, and what is made of its robot once, so that the first plan does not wait for them.
+    Its planner is loaded as well, and its robot and scene are made ready, so that a plan begins with planning.
 
     Args:
         source: a path, the name of one of the examples such as `01_reach`, or the keys of a problem file; paths in a
@@ -47,13 +47,13 @@ def load_problem(source: Path | str | Mapping[str, Any], **overrides: Any) -> Pr
 
 
 def _make_ready(problem: Problem) -> None:
-    """Load the problem's planner, and make what is asked of its robot alone: not while somebody waits for a motion."""
+    """Load the problem's planner, and make what it would make first: not while somebody waits for a motion."""
     from optiplan.api import planning as _planning  # noqa: F401
     from optiplan.planners.registry import PLANNERS
 
     if problem.planner in PLANNERS:  # another one is loaded when it is called
         PLANNERS[problem.planner].load()
-    make_ready(problem.robot)
+    make_ready(problem)
 
 
 def load_robot(source: Path | str, *, group: str | None = None, locked: Mapping[str, float] | None = None) -> Robot:

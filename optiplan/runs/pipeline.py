@@ -20,8 +20,8 @@ from optiplan.problem.problem import Problem
 from optiplan.records import dataclass
 from optiplan.runs.common_bound import duration_bound
 from optiplan.runs.metrics import measure
+from optiplan.runs.preparation import prepare
 from optiplan.runs.proofs_on_the_way import ProofsOnTheWay
-from optiplan.runs.robot_preparation import prepare
 from optiplan.runs.run import Run
 from optiplan.runs.selection import best_verified
 from optiplan.runs.wished_clearance import wished
