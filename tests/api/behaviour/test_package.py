@@ -45,7 +45,8 @@ def test_garbage_is_not_looked_for_among_what_was_imported():
 import gc
 import optiplan as op
 op.load_problem
-print(gc.isenabled(), gc.get_freeze_count(), len(gc.get_objects(generation=0)) + len(gc.get_objects(generation=1)) < 500)
+young = len(gc.get_objects(generation=0)) + len(gc.get_objects(generation=1))
+print(gc.isenabled(), gc.get_freeze_count(), young < 500)
 gc.freeze()
 before = gc.get_freeze_count()
 op.plan
