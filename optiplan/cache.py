@@ -108,6 +108,14 @@ def load(name: str) -> bytes | None:
     return content if seal == _seal(content) else None
 
 
+def has(name: str) -> bool:
+    """Whether there is a cached file, whole or not."""
+    try:
+        return (cache_dir() / name).is_file()
+    except OSError:
+        return False
+
+
 def store(name: str, content: bytes) -> None:
     """Write a cached file whole or not at all; a cache that cannot be written is no error."""
     with suppress(OSError):

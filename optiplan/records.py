@@ -10,7 +10,7 @@ import dataclasses
 import inspect
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, ClassVar, get_origin
+from typing import TYPE_CHECKING, Any, ClassVar
 
 if TYPE_CHECKING:
     from dataclasses import dataclass as dataclass  # for checkers of types the two are one
@@ -31,7 +31,7 @@ _ASKED = "__dataclass_fields__", "__dataclass_params__", "__match_args__"
 
 _NONE = dataclasses.MISSING
 
-OFTEN = 30
+OFTEN = 200
 """Instances after which the standard `__init__` is compiled: it takes half a microsecond for each value."""
 
 _MAKING = threading.RLock()
@@ -109,20 +109,9 @@ class _Recipe:
         kinds, values = self._attributes()
         if any(kind is dataclasses.KW_ONLY or isinstance(kind, dataclasses.InitVar) for kind in kinds.values()):
             return self.made("__init__")  # type: ignore[no-any-return]
-        fields = {
-            name: value if isinstance(value, dataclasses.Field) else dataclasses.field(default=value)
-            for name, value in values.items()
-            if not _of_class(kinds[name])
-        }
-        named = self.options.get("kw_only", False)
-        asked = {name: field for name, field in fields.items() if field.init}
-        in_order = [name for name, field in asked.items() if not (named if field.kw_only is _NONE else field.kw_only)]
-        defaults = {name: field.default for name, field in asked.items() if field.default is not _NONE}
-        factories = {
-            name: field.default_factory for name, field in fields.items() if field.default_factory is not _NONE
-        }
-        order = [name for name in fields if name in asked or name in factories]
-        known, needed = asked.keys(), asked.keys() - defaults.keys() - factories.keys()
+        given_by = _Arguments(kinds, values, self.options.get("kw_only", False))
+        order, in_order, defaults, factories = given_by.order, given_by.in_order, given_by.defaults, given_by.factories
+        known, needed = given_by.known, given_by.known - defaults.keys() - factories.keys()
         put = object.__setattr__ if self.options.get("frozen") else setattr
         after, recipe = hasattr(self.cls, "__post_init__"), self
         made = 0
@@ -137,6 +126,7 @@ class _Recipe:
             given |= kwargs
             if twice or len(args) > len(in_order) or not needed <= given.keys() <= known:
                 recipe.made("__init__")(self, *args, **kwargs)  # which names what is wrong
+                return
             values = defaults | given
             for name, make in factories.items():
                 if name not in values:
@@ -148,6 +138,37 @@ class _Recipe:
 
         __init__.__qualname__ = f"{self.cls.__qualname__}.__init__"
         return __init__
+
+
+class _Arguments:
+    """Arguments of an `__init__`, all (`known`) and `in_order`, what stands for the others, the `order` of fields."""
+
+    def __init__(self, kinds: dict[str, Any], values: dict[str, Any], named: bool) -> None:
+        self.order, self.in_order, self.known = list[str](), list[str](), set[str]()
+        self.defaults, self.factories = dict[str, Any](), dict[str, Callable[[], Any]]()
+        for name, value in values.items():
+            if _of_class(kinds[name]):
+                continue
+            if isinstance(value, dataclasses.Field):
+                self._take(name, value, named if value.kw_only is _NONE else value.kw_only)
+            else:
+                self._ask(name, value, named)
+
+    def _take(self, name: str, field: "dataclasses.Field[Any]", named: bool) -> None:
+        if field.default_factory is not _NONE:
+            self.factories[name] = field.default_factory
+        if field.init:
+            self._ask(name, field.default, named)
+        elif name in self.factories:
+            self.order.append(name)  # without one its value is that of the class
+
+    def _ask(self, name: str, default: Any, named: bool) -> None:
+        self.order.append(name)
+        self.known.add(name)
+        if default is not _NONE:
+            self.defaults[name] = default
+        if not named:
+            self.in_order.append(name)
 
 
 class _Later:
@@ -170,7 +191,9 @@ class _Later:
 
 def _of_class(kind: Any) -> bool:
     """Whether an annotation is of a class variable."""
-    return "ClassVar" in kind if isinstance(kind, str) else kind is ClassVar or get_origin(kind) is ClassVar
+    if isinstance(kind, str):
+        return "ClassVar" in kind
+    return kind is ClassVar or getattr(kind, "__origin__", None) is ClassVar
 
 
 def _freeze(cls: Any) -> None:

@@ -13,11 +13,14 @@ from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
 from optiplan.robot import robot
 from optiplan.robot.robot import Robot
+from optiplan.runs.preparation import make_ready
 from optiplan.runs.run import Run
 
 
 def load_problem(source: Path | str | Mapping[str, Any], **overrides: Any) -> Problem:
     """A problem from a YAML file, the name of an example, or a mapping that says what a file would.
+
+    Its planner is loaded as well, and its robot and scene are made ready, so that a plan begins with planning.
 
     Args:
         source: a path, the name of one of the examples such as `01_reach`, or the keys of a problem file; paths in a
@@ -33,11 +36,24 @@ def load_problem(source: Path | str | Mapping[str, Any], **overrides: Any) -> Pr
         Problem: reach, panda, to a configuration; empty
     """
     if isinstance(source, Mapping):
-        return problem_from_dict({**source, **overrides})
-    if not isinstance(source, str | Path):
+        problem = problem_from_dict({**source, **overrides})
+    elif isinstance(source, str | Path):
+        problem = load.load_problem(find_problem(str(source)), **overrides)
+    else:
         expected = "the path of a problem file, the name of an example, or a mapping of the keys of a file"
         raise wrong_argument("load_problem", "source", described(source), expected)
-    return load.load_problem(find_problem(str(source)), **overrides)
+    _make_ready(problem)
+    return problem
+
+
+def _make_ready(problem: Problem) -> None:
+    """Load the problem's planner, and make what it would make first: not while somebody waits for a motion."""
+    from optiplan.api import planning as _planning  # noqa: F401
+    from optiplan.planners.registry import PLANNERS
+
+    if problem.planner in PLANNERS:  # another one is loaded when it is called
+        PLANNERS[problem.planner].load()
+    make_ready(problem)
 
 
 def load_robot(source: Path | str, *, group: str | None = None, locked: Mapping[str, float] | None = None) -> Robot:

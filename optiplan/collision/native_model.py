@@ -210,6 +210,13 @@ def _links_of(model: CollisionModel) -> "list[Body | None]":
     return _links[robot]
 
 
+def make_links(robot: Robot) -> None:
+    """Give the core the robot's own bodies and their clusters, where it has them not yet."""
+    if core is not None:
+        _link_shapes(robot)
+        _clusters(robot)
+
+
 @once_for_each_robot
 def _link_shapes(robot: Robot) -> "list[list[Shape]]":
     return [_shapes_of(body.geometry) for body in robot.geometry.geometryObjects]
@@ -221,7 +228,7 @@ def _shapes_of(solid: coal.CollisionGeometry) -> "list[Shape]":
         mesh = soup_of(solid)
         hulls = [np.array(hull_of_mesh(solid).points()), *(part.vertices for part in parts_of_mesh(mesh))]
         key = digest([mesh.vertices.tobytes(), mesh.triangles.tobytes()])
-        return [*map(_native_hull, hulls), _made.get(key, lambda: core.Shape.triangles(mesh.vertices, mesh.triangles))]
+        return [*map(native_hull, hulls), _made.get(key, lambda: core.Shape.triangles(mesh.vertices, mesh.triangles))]
     shape = native_shape(solid)
     return [] if shape is None else [shape]
 
@@ -307,9 +314,10 @@ def native_shape(body: coal.CollisionGeometry) -> "Shape | None":
         case coal.Halfspace():
             return core.Shape.half_space(np.array(body.n), body.d)
         case coal.ConvexBase():
-            return _native_hull(np.array(body.points()))
+            return native_hull(np.array(body.points()))
     return None
 
 
-def _native_hull(points: Array) -> "Shape":
+def native_hull(points: Array) -> "Shape":
+    """Return the hull of points (k, 3), m, in the core: one for each content, which keeps the index of its vertices."""
     return _made.get(digest([points.tobytes()]), lambda: core.Shape.convex_hull(points))

@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from optiplan.collision.passing_neighbours import apart_neighbours
 from optiplan.errors import InputError, OptiPlanError, PlannerAnswerError, named_reason
 from optiplan.libraries import clock, time_loading
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
@@ -21,21 +20,18 @@ from optiplan.problem.problem import Problem
 from optiplan.records import dataclass
 from optiplan.runs.common_bound import duration_bound
 from optiplan.runs.metrics import measure
+from optiplan.runs.preparation import prepare
 from optiplan.runs.proofs_on_the_way import ProofsOnTheWay
 from optiplan.runs.run import Run
 from optiplan.runs.selection import best_verified
 from optiplan.runs.wished_clearance import wished
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import verify as verifier
-from optiplan.verify.continuous.kept_clearance import kept_clearances
 
 _log = logging.getLogger(__name__)
 
 _NOTHING = 1e-3
 """s; import statements of what is there already take less, and so does looking through no other motions."""
-
-_TOLD = 0.1
-"""s that what is found out about a robot takes at least to be among the timings; reading what is kept takes less."""
 
 _LATE = 0.05
 """s beyond the budget, of planning, proving and measuring, that are not worth a word."""
@@ -83,7 +79,7 @@ def run(
         name, chosen = planner, make_planner(planner, options)
     else:
         name, chosen, options = type(planner).__name__, planner, options_set(planner)
-    prepared = _prepare(problem)
+    prepared = prepare(problem.robot)
     budget.start()
     began, spent, loaded = clock(), processor_time(), time_loading()
     within = budget.leaving(reserve(budget.seconds))
@@ -257,15 +253,6 @@ def _fault(error: BaseException) -> dict[str, Any]:
     reason = named_reason(error)
     _log.error("the planner failed, and the best motion proved before is the answer: %s", reason)
     return {"fault": {"error": reason, "traceback": "".join(traceback.format_exception(error))}}
-
-
-def _prepare(problem: Problem) -> dict[str, float]:
-    """Prove and survey what is kept of the robot's links, if nobody has; returns the seconds, where it took some."""
-    began = clock()
-    kept_clearances(problem.robot)
-    apart_neighbours(problem.robot)
-    took = clock() - began
-    return {"robot": took} if took > _TOLD else {}
 
 
 def reserve(seconds: float) -> float:

@@ -13,7 +13,7 @@ from optiplan.planners.base import Budget, announce
 from optiplan.planners.point_to_point.quintic import Quintic
 from optiplan.planners.registry import PLANNERS
 from optiplan.problem.load import problem_from_dict
-from optiplan.runs import pipeline
+from optiplan.runs import preparation
 from optiplan.runs.pipeline import run
 from optiplan.runs.run import versions
 from optiplan.trajectory.timing.stops import stop_at_corners
@@ -58,7 +58,7 @@ def test_what_is_found_out_once_for_a_robot_costs_no_budget(problem, monkeypatch
             pass
         return frozenset()
 
-    monkeypatch.setattr(pipeline, "apart_neighbours", late)
+    monkeypatch.setattr(preparation, "apart_neighbours", late)
     timings = run(problem, "quintic", {}, Budget(0.1), silent).timings
     assert timings["robot"] >= 0.15
     assert set(timings) >= {"plan", "verify"}, "the motion was planned and proved within what was left"

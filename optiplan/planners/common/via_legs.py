@@ -94,12 +94,13 @@ def _answer(
         result = planner.plan(problem, budget, progress)
     else:
         result = planner.replan(problem, earlier, budget, progress)
-    found = described(result)
     if isinstance(result, PlanResult):
         motion, failure = result.trajectory, result.failure
         if isinstance(motion, Trajectory) or (motion is None and isinstance(failure, Failure)):
             return result
         found = f"a PlanResult of {described(motion)} and {described(failure)}"
+    else:
+        found = described(result)
     name = f"the planner {type(planner).__name__}"
     expected = "a PlanResult with a Trajectory, or with a Failure that says why there is none"
     raise PlannerAnswerError([Issue(name, None, "plan", f"returned {found}", expected)])

@@ -20,8 +20,8 @@ from optiplan.geometry.shapes import Box, Capsule, Cylinder, Sphere, shape_of_bo
 from optiplan.records import dataclass
 from optiplan.robot.loaded_robots import once_for_each, once_for_each_robot
 from optiplan.robot.robot import Robot
-from optiplan.robot.self_collision.pair_bounds import ball_to_box
-from optiplan.verify.continuous.pair_tree import ClusterHull, PairTree
+from optiplan.robot.self_collision.pair_bounds import LocalBox, ball_to_box, local_box
+from optiplan.verify.continuous.pair_tree import ClusterHull, PairTree, hulls_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +42,14 @@ class BodyShape:
     radius: float
 
     @classmethod
-    def of(cls, shape: coal.CollisionGeometry) -> "BodyShape":
-        """Look at a body of coal."""
+    def of(cls, shape: coal.CollisionGeometry, box: LocalBox | None = None) -> "BodyShape":
+        """Look at a body of coal, whose `local_box` may be known."""
         vertices = support_vertices(shape)
-        return cls(shape, shape_of_body(shape), vertices, *_ball(shape, vertices))
+        if isinstance(shape, coal.BVHModelBase):
+            centre = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+            return cls(shape, None, vertices, centre, float(np.linalg.norm(vertices - centre, axis=1).max()))
+        box = box or local_box(shape)
+        return cls(shape, shape_of_body(shape), vertices, box.centre, box.radius)
 
     @cached_property
     def round(self) -> tuple[float, ...] | None:
@@ -55,7 +59,8 @@ class BodyShape:
 
 @once_for_each_robot
 def _shapes_of_links(robot: Robot) -> tuple[BodyShape, ...]:
-    return tuple(BodyShape.of(body.geometry) for body in robot.geometry.geometryObjects)
+    bodies = robot.geometry.geometryObjects
+    return tuple(BodyShape.of(body.geometry, box) for body, box in zip(bodies, robot.link_boxes, strict=True))
 
 
 _parts_of_links: WeakKeyDictionary[Robot, dict[int, tuple[BodyShape, ...]]] = WeakKeyDictionary()
@@ -79,7 +84,14 @@ def _shapes_of(model: CollisionModel) -> list[BodyShape]:
 
 @once_for_each
 def _shape_of_hull(hull: ClusterHull) -> BodyShape:
-    return BodyShape.of(hull.shape)
+    return BodyShape.of(hull.shape, hull.box)
+
+
+def bodies_of_links(robot: Robot) -> list[BodyShape]:
+    """The bodies of a robot, the hulls of their clusters, and the parts of those that are meshes."""
+    links = _shapes_of_links(robot)
+    meshes = [k for k, known in enumerate(links) if isinstance(known.shape, coal.BVHModelBase)]
+    return [*links, *map(_shape_of_hull, hulls_of(robot)), *(part for k in meshes for part in parts_of_link(robot, k))]
 
 
 _MANY = 200
@@ -248,20 +260,6 @@ def support_vertices(shape: coal.CollisionGeometry) -> Array:
     if isinstance(shape, coal.BVHModelBase):
         return _outer(np.array(shape.vertices()))
     return np.empty((0, 3))
-
-
-def _ball(shape: coal.CollisionGeometry, vertices: Array) -> tuple[Array, float]:
-    """Centre (3,) and radius, m, of a ball that holds the body."""
-    if isinstance(shape, coal.Halfspace):
-        return np.zeros(3), np.inf
-    if len(vertices):
-        centre = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
-        return centre, float(np.linalg.norm(vertices - centre, axis=1).max())
-    if isinstance(shape, coal.Sphere):
-        return np.zeros(3), float(shape.radius)
-    shape.computeLocalAABB()
-    low, high = np.array(shape.aabb_local.min_), np.array(shape.aabb_local.max_)
-    return 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
 
 
 def _outer(points: Array) -> Array:

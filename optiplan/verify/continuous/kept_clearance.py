@@ -127,15 +127,23 @@ def prove_kept_clearances(robot: Robot, progress: Progress | None = None) -> Map
     """
     if robot.held:  # of joints that stand still the whole robot's ranges are not asked
         return {}
-    bare = robot.unmounted
-    limits = (bare.limits.lower, bare.limits.upper)
-    name = f"clearances/{content_digest(bare.model, bare.geometry, limits, VERSION)}.npz"
-    content = cache.load(name)
+    content = cache.load(_file(robot))
     if content is not None:
         return _unpack(content)
-    made = _Maker(bare).make(progress or (lambda words, done: None))
-    cache.store(name, _pack(made))
+    made = _Maker(robot.unmounted).make(progress or (lambda words, done: None))
+    cache.store(_file(robot), _pack(made))
     return made
+
+
+def clearances_are_kept(robot: Robot) -> bool:
+    """Whether nothing is left to prove: the file is there, or there is no pair to prove."""
+    return bool(robot.held) or cache.has(_file(robot))
+
+
+@once_for_each_robot
+def _file(bare: Robot) -> str:
+    limits = (bare.limits.lower, bare.limits.upper)
+    return f"clearances/{content_digest(bare.model, bare.geometry, limits, VERSION)}.npz"
 
 
 kept_clearances = once_for_each_robot(prove_kept_clearances)

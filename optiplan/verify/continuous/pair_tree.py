@@ -42,6 +42,11 @@ def _levels(robot: Robot) -> tuple[tuple[ClusterHull, ...], ...]:
     return tuple(tuple(map(ClusterHull.of, level)) for level in (found.by_link, found.by_joint))
 
 
+def hulls_of(robot: Robot) -> tuple[ClusterHull, ...]:
+    """The hulls of all clusters of a robot, those of few bodies first."""
+    return tuple(hull for level in _levels(robot) for hull in level)
+
+
 class PairTree:
     """The P pairs of a model, and above them pairs of which one body, or both, is the hull of a cluster.
 
@@ -57,7 +62,7 @@ class PairTree:
 
     def __init__(self, model: CollisionModel) -> None:
         levels = _levels(model.robot)
-        self.hulls = tuple(hull for level in levels for hull in level)
+        self.hulls = hulls_of(model.robot)
         self.pairs: Index = model.bounds.pairs
         self.count = len(self.pairs)
         self.parts: dict[int, Index] = {}

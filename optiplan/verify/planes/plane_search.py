@@ -16,12 +16,13 @@ import pinocchio as pin
 from optiplan._core import core
 from optiplan.arrays import Array, Flags, Index, distinct
 from optiplan.collision.model import CollisionModel, SameBodies
-from optiplan.collision.native_model import native_shape
+from optiplan.collision.native_model import native_hull, native_shape
 from optiplan.records import dataclass
 from optiplan.robot.loaded_robots import once_for_each
 from optiplan.robot.mimic_joints import coupling, screws
+from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.continuous.bodies import BodyShape, parts_of_link
+from optiplan.verify.continuous.bodies import BodyShape, bodies_of_links, parts_of_link
 from optiplan.verify.continuous.intervals import Intervals
 from optiplan.verify.continuous.motion_tools import MotionTools
 from optiplan.verify.report import VerifyPolicy
@@ -253,8 +254,15 @@ def _proved(known: BodyShape) -> "ProvedShape | None":
     flat = isinstance(known.shape, coal.Halfspace)
     if not (len(points) or known.round is not None or flat):
         return None
-    outline = core.Shape.convex_hull(points) if len(points) else native_shape(known.shape)
+    outline = native_hull(points) if len(points) else native_shape(known.shape)  # the planners': it proposes normals
     return None if outline is None else core.ProvedShape.of(outline, round_, points)
+
+
+def make_shapes(robot: Robot) -> None:
+    """Give the core the robot's own bodies, and their hulls, for proofs, where it has them not yet."""
+    if core is not None:
+        for known in bodies_of_links(robot):
+            _proved(known)
 
 
 class _Joints(NamedTuple):

@@ -39,6 +39,23 @@ print(seconds < 0.3, sorted(heavy & set(sys.modules)), sorted(name for name in s
     assert "True [] []\n" in told  # the clock of a busy machine may err, but not every time
 
 
+def test_garbage_is_not_looked_for_among_what_was_imported():
+    """Nor is anything kept for good: what somebody else froze stays so, and nothing else is frozen."""
+    code = """
+import gc
+import optiplan as op
+op.load_problem
+young = len(gc.get_objects(generation=0)) + len(gc.get_objects(generation=1))
+print(gc.isenabled(), gc.get_freeze_count(), young < 500)
+gc.freeze()
+before = gc.get_freeze_count()
+op.plan
+print(gc.isenabled(), gc.get_freeze_count() >= before - 500)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split("\n")[:2] == ["True 0 True", "True True"]
+
+
 def test_a_first_plan_loads_no_planner():
     """It is loaded with the function's name, which proofs of motions do without."""
     code = """

@@ -43,45 +43,33 @@ Hull::Hull(std::vector<Vec3> points) : points_(std::move(points)), edge_cells_(c
     for (const Vec3 &p : points_) radius_ = std::max(radius_, norm(p - centre_));
 }
 
-// Lists the block of cells that holds the cell asked for.
+// Lists the cell asked for.
 const Hull::Cell *Hull::list(std::uint32_t asked) const {
     const std::lock_guard<std::mutex> one(listing_);
-    const std::uint32_t in_face = edge_cells_ * edge_cells_, block = std::min(edge_cells_, kBlock);
+    const std::uint32_t in_face = edge_cells_ * edge_cells_, size = std::min(edge_cells_, kBlock);
     if (!all_) all_ = std::make_unique<Cell[]>(6 * in_face), cells_.store(all_.get(), std::memory_order_release);
-    if (all_[asked].others.load(std::memory_order_relaxed)) return all_.get();
+    Cell &listed = all_[asked];
+    if (listed.others.load(std::memory_order_relaxed)) return all_.get();
     const std::uint32_t face = asked / in_face, i = asked % in_face / edge_cells_, j = asked % edge_cells_;
-    Candidates all(points_.size());
-    std::iota(all.begin(), all.end(), 0u);
-    std::map<std::uint32_t, Candidates> cells;
-    divide({face, i - i % block, j - j % block, block}, all, cells);
+    const Square block = {face, i - i % size, j - j % size, size};
+    Candidates &of_block = blocks_[(face * edge_cells_ + block.i) * edge_cells_ + block.j];
+    if (of_block.empty()) {
+        of_block.resize(points_.size());
+        std::iota(of_block.begin(), of_block.end(), 0u);
+        of_block = kept_in(block, of_block);
+    }
+    const Candidates cell = size > 1 ? kept_in({face, i, j, 1}, of_block) : of_block;
+    listed.first[0] = cell[0], listed.first[1] = cell[cell.size() > 1];
+    if (cell.size() <= 2) {
+        listed.others.store(&kNone, std::memory_order_release);
+        return all_.get();
+    }
     Candidates &more = more_.emplace_back();
-    std::vector<std::pair<Cell *, std::size_t>> places;
-    for (const auto &[at, cell] : cells) {
-        Cell &listed = all_[at];
-        listed.first[0] = cell[0], listed.first[1] = cell[cell.size() > 1];
-        if (cell.size() <= 2) {
-            listed.others.store(&kNone, std::memory_order_release);
-            continue;
-        }
-        places.emplace_back(&listed, more.size());
-        more.push_back(std::uint32_t((cell.size() - 1) / 2 * 2));
-        more.insert(more.end(), cell.begin() + 2, cell.end());
-        if (cell.size() % 2) more.push_back(cell.back());
-    }
-    for (const auto &[listed, place] : places) listed->others.store(&more[place], std::memory_order_release);
+    more.push_back(std::uint32_t((cell.size() - 1) / 2 * 2));
+    more.insert(more.end(), cell.begin() + 2, cell.end());
+    if (cell.size() % 2) more.push_back(cell.back());
+    listed.others.store(more.data(), std::memory_order_release);
     return all_.get();
-}
-
-void Hull::divide(const Square &square, const Candidates &candidates,
-                  std::map<std::uint32_t, Candidates> &cells) const {
-    Candidates kept = kept_in(square, candidates);
-    if (square.size == 1) {
-        cells[(square.face * edge_cells_ + square.i) * edge_cells_ + square.j] = std::move(kept);
-        return;
-    }
-    const std::uint32_t half = square.size / 2;
-    for (std::uint32_t i : {square.i, square.i + half})
-        for (std::uint32_t j : {square.j, square.j + half}) divide({square.face, i, j, half}, kept, cells);
 }
 
 // The candidates that no other one beats along all four corners of a square. Directions within it are positive sums of

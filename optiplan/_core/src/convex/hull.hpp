@@ -18,9 +18,9 @@ namespace optiplan {
 // Directions are sorted into cells of a cube's surface. For each cell the vertices that can be the farthest one for
 // some direction in it are listed (a handful, for the hulls of robots of 100 to 250 vertices), so that a support point
 // is the best of a short list: exact, and independent of what was asked before, which hill climbing along edges is not.
-// Lists are made for blocks of cells by the first question there: most are never asked, since boxes and balls keep most
-// hulls of a robot apart, and in a fresh process all of them would take longer than a plan. Any number of threads may
-// ask.
+// A cell is listed by the first question there, of the candidates of a block of cells: most are never asked, since boxes
+// and balls keep most hulls of a robot apart, and in a fresh process all of them would take longer than a plan. Any
+// number of threads may ask.
 class Hull {
   public:
     explicit Hull(std::vector<Vec3> points);
@@ -68,12 +68,12 @@ class Hull {
     struct Square;
     const Cell *list(std::uint32_t asked) const;
     Candidates kept_in(const Square &square, const Candidates &candidates) const;
-    void divide(const Square &square, const Candidates &candidates, std::map<std::uint32_t, Candidates> &cells) const;
 
     std::vector<Vec3> points_;
     mutable std::atomic<const Cell *> cells_{nullptr};  // of `all_`, once there is a question
     mutable std::unique_ptr<Cell[]> all_;
-    mutable std::deque<Candidates> more_;  // of blocks, which stay where they are
+    mutable std::map<std::uint32_t, Candidates> blocks_;  // by their first cells
+    mutable std::deque<Candidates> more_;                 // of cells, which stay where they are
     mutable std::mutex listing_;
     std::uint32_t edge_cells_;  // along an edge of the cube
     Vec3 centre_, half_;

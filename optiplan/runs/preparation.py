@@ -1,0 +1,49 @@
+"""What planning and proving ask before they begin: of a robot once in a process, of the work space of a problem."""
+
+from optiplan.collision.kept_models import collision_model, kept_planning_model
+from optiplan.collision.native_model import make_links
+from optiplan.collision.passing_neighbours import apart_neighbours
+from optiplan.libraries import clock
+from optiplan.problem.problem import Problem
+from optiplan.robot.robot import Robot
+from optiplan.verify.collision_check import checked_robot
+from optiplan.verify.continuous.kept_clearance import clearances_are_kept, kept_clearances
+from optiplan.verify.continuous.motion_tools import tools_of
+from optiplan.verify.planes.plane_search import make_shapes, plane_search
+from optiplan.verify.report import VerifyPolicy
+
+_TOLD = 0.1
+"""s that are worth a word."""
+
+_LARGE = 5000
+"""Pairs of bodies above which a work space is left to the plan: it may never be asked for, and takes long to make."""
+
+
+def make_ready(problem: Problem) -> None:
+    """Make what a plan in this thread would make first, where it takes milliseconds: bodies in both collision models.
+
+    Of a robot that was never planned for, the work space waits for `prepare`.
+    """
+    _make_robot_ready(problem.robot)
+    if problem.task or not clearances_are_kept(problem.robot):
+        return
+    model = collision_model(checked_robot(problem, VerifyPolicy()), problem.scene)
+    if len(model.pairs) <= _LARGE:
+        kept_planning_model(problem.robot, problem.scene, problem.tracking_error)
+        plane_search(model, tools_of(model))
+
+
+def prepare(robot: Robot) -> dict[str, float]:
+    """Prove and survey also what is kept of the robot's links; the seconds as a run tells them, if there are many."""
+    began = clock()
+    _make_robot_ready(robot)
+    kept_clearances(robot)
+    apart_neighbours(robot)
+    took = clock() - began
+    return {"robot": took} if took > _TOLD else {}
+
+
+def _make_robot_ready(robot: Robot) -> None:
+    make_links(robot)
+    make_shapes(robot)
+    _ = robot.massless_links, robot.bare_links  # which reports name
