@@ -129,7 +129,8 @@ class SectionPlanner:
             if before is not None:
                 self.found([*before, *parts_of(found)])
 
-        search = TourSearch(stage.problem, tour, stage.model, self.planner, budget, stages_of(self.progress), better)
+        told = stages_of(self.progress)
+        search = TourSearch(stage.problem, tour, stage.model, self.planner, budget, told, better, self.budget)
         found = search.run()
         self.info |= search.info | {"cut_short": self.info["cut_short"] or search.info.get("cut_short", False)}
         if isinstance(found, Failure):
