@@ -175,7 +175,8 @@ class TourSearch:
             order = self._order_search().improved(self._estimates(layers), None, 0, 0.3 * self._time.remaining)
         choice = None if order is None else self._settled(layers, order)
         if choice is None or not np.isfinite(choice.seconds):
-            why = "no order of the targets was found that keeps to their windows"
+            timed = any(target.window != (0.0, np.inf) for target in self.tour.targets)
+            why = f"no order of the targets was found that keeps to {'their windows' if timed else 'what is stated'}"
             return out_of_time(self._time, "looking for an order") if self._time.over else Failure("no-path", why)
         return choice
 
