@@ -108,7 +108,8 @@ class SectionPlanner:
         """Return the parts of a path: the way to it, and the motion along it."""
         stages = Stages(self.problem)
         stage = stages.at(state, step, path.joints)
-        search = SeamSearch(stage.problem, path, stage.model, self.planner, budget, stages_of(self.progress))
+        told = stages_of(self.progress)
+        search = SeamSearch(stage.problem, path, stage.model, self.planner, self.budget, budget, told)
         found = search.run()
         self.info.setdefault("paths", []).append(search.info)
         if isinstance(found, Failure):
