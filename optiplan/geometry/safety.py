@@ -186,7 +186,8 @@ class Safety:
 
     def __repr__(self) -> str:
         """Return the distances in one line."""
-        more = f", {len(self.pairs)} groups of pairs" if self.pairs else ""
+        count = len(self.pairs)
+        more = f", {count} group{'' if count == 1 else 's'} of pairs" if count else ""
         return f"Safety: {1e3 * self.scene:g} mm from the scene, {1e3 * self.own:g} mm of the robot from itself{more}"
 
 

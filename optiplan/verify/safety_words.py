@@ -38,7 +38,8 @@ def safety_scope(witness: Mapping[str, Any]) -> list[str]:
     if "required" not in witness:
         return []
     required, nearer = witness["required"], witness["nearer"]
-    groups = f", {required['pairs']} groups of pairs as stated" if required["pairs"] else ""
+    count = required["pairs"]
+    groups = f", {count} group{'' if count == 1 else 's'} of pairs as stated" if count else ""
     scene, own = 1e3 * required["scene"], 1e3 * required["self"]
     said = f"clearance required: {scene:g} mm from the scene, {own:g} mm of the robot from itself"
     found = [f"{said}{groups}, of pairs of links that can meet"]

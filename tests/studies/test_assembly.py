@@ -1,13 +1,17 @@
 """Assemblies: schedules beside enumeration, and jobs that begin where others leave things."""
 
 from itertools import permutations, product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.planners import base
 from optiplan.planners.base import Budget
+from optiplan.studies.assembly.measuring import measure_jobs
 from optiplan.studies.assembly.schedule import Durations, ScheduleSearch
+from optiplan.studies.assembly.statement import read_assembly
 
 ARMS = {"a": {"use": "planar2r"}, "b": {"use": "planar2r", "base": {"position": [0, 3, 0]}}}
 FILE = {"version": 1, "robots": ARMS, "start": {"configuration": "ready"}, "planner": "quintic"}
@@ -153,3 +157,20 @@ def test_why_a_schedule_makes_no_problem_is_said():
     assert found.best is None
     assert "'a/tip', a link of a" in found.words
     assert found.data["refused"]
+
+
+def test_jobs_that_take_all_that_they_may_leave_time_to_the_last(monkeypatch):
+    """Each of ten jobs gets half of an even share at least, and the first ones get more."""
+    now, given = [0.0], []
+    monkeypatch.setattr(base, "clock", lambda: now[0])
+
+    def plan(_problem, budget):
+        given.append(budget.remaining)
+        now[0] += budget.remaining
+        return SimpleNamespace(verified=False, why_not="budget")
+
+    jobs = [{"name": str(k), "steps": [{"move": {"joints": [1.0, 0.1 * k]}}]} for k in range(5)]
+    measure_jobs(read_assembly({**FILE, "jobs": jobs}), plan, Budget(60.0), lambda stage, fraction: None)
+    assert len(given) == 10
+    assert min(given) == pytest.approx(3.0)
+    assert given[0] == pytest.approx(18.0)

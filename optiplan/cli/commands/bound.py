@@ -48,7 +48,10 @@ def bound(
         motion = None if run is None else load_run(run, problem.robot.joint_names).trajectory
         if run is not None and motion is None:
             raise InputError([Issue(str(run), None, "run", "a run without a motion", "one with a motion, or no --run")])
-        found = bound_of_problem(problem, budget, motion)
+        try:
+            found = bound_of_problem(problem, budget, motion)
+        except InputError as error:
+            raise error.about("op.bound", str(path)) from None
     duration = None if motion is None else motion.duration
     if as_json:
         gap = None if duration is None else found.gap(duration)

@@ -135,7 +135,7 @@ def plan(
         problem = load_problem(path) if seed is None else load_problem(path).with_seed(seed)
         problem = problem if tracking_error is None else with_tracking_error(problem, tracking_error)
         loaded = time.perf_counter() - began
-        _check_bound(problem, bound)
+        _check_bound(path, problem, bound)
     if names:
         runs, unsaved, interrupted = plan_comparison.run_all(path, problem, names, budget, out)
         code = plan_comparison.show(runs, as_json, unsaved, interrupted)
@@ -203,12 +203,15 @@ def _run(
             raise placed(path, error) if options else error from None
 
 
-def _check_bound(problem: Any, seconds: float | None) -> None:
+def _check_bound(path: Path, problem: Any, seconds: float | None) -> None:
     """Refuse, before it is planned, a problem without a known bound where one is wanted."""
     if seconds is not None:
         from optiplan.api.bounding import require_bound
 
-        require_bound(problem)
+        try:
+            require_bound(problem)
+        except InputError as error:
+            raise error.about("op.bound", str(path)) from None
 
 
 def _bound(run: Any, seconds: float | None, cancel: Event) -> Any:

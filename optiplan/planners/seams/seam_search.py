@@ -90,6 +90,8 @@ class SeamSearch:
         path: the path.
         model: of that robot in its scene.
         planner: of the way to the path.
+        budget: time for all of it: the posture is sought no longer than until it is found.
+        approaching: time in which the way to the path is sought, which planners use up for a better one.
         info: what the search did.
     """
 
@@ -98,6 +100,7 @@ class SeamSearch:
     model: CollisionModel
     planner: Planner[Any]
     budget: Budget
+    approaching: Budget
     progress: Progress
     info: dict[str, Any] = field(default_factory=dict)
 
@@ -291,7 +294,8 @@ class SeamSearch:
             return None
         self.progress("planning the way to the path", 0.9)
         there = derived(self.problem, goal=(ExactGoal(q),))
-        result = plan_through(self.planner, there, self.budget.share(0.6), self.progress)
+        time = self.budget if self.approaching.over else self.approaching
+        result = plan_through(self.planner, there, time.share(0.6), self.progress)
         return result.trajectory or result.failure or Failure("no-path", "no way to the path was found")
 
 

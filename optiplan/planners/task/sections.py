@@ -108,7 +108,8 @@ class SectionPlanner:
         """Return the parts of a path: the way to it, and the motion along it."""
         stages = Stages(self.problem)
         stage = stages.at(state, step, path.joints)
-        search = SeamSearch(stage.problem, path, stage.model, self.planner, budget, stages_of(self.progress))
+        told = stages_of(self.progress)
+        search = SeamSearch(stage.problem, path, stage.model, self.planner, self.budget, budget, told)
         found = search.run()
         self.info.setdefault("paths", []).append(search.info)
         if isinstance(found, Failure):
@@ -129,7 +130,8 @@ class SectionPlanner:
             if before is not None:
                 self.found([*before, *parts_of(found)])
 
-        search = TourSearch(stage.problem, tour, stage.model, self.planner, budget, stages_of(self.progress), better)
+        told = stages_of(self.progress)
+        search = TourSearch(stage.problem, tour, stage.model, self.planner, budget, told, better, self.budget)
         found = search.run()
         self.info |= search.info | {"cut_short": self.info["cut_short"] or search.info.get("cut_short", False)}
         if isinstance(found, Failure):

@@ -44,7 +44,7 @@ class OrderSearch:
 
         Args:
             seconds: (m + 1, m + 1) between the start (0) and the targets (1 + i), s.
-            order: to begin with; None: one that the library makes.
+            order: to begin with; None: one that is made here where targets come before others, else by the library.
             rounds: solutions after which guided local search ends; 0: the local search alone.
             most: s, of wall time.
         """
@@ -60,12 +60,14 @@ class OrderSearch:
             parameters.local_search_metaheuristic = self._enums.LocalSearchMetaheuristic.GUIDED_LOCAL_SEARCH
             parameters.solution_limit = rounds
         parameters.time_limit.FromMilliseconds(max(1, int(1e3 * most)))
-        if order is None:
-            found = routing.SolveWithParameters(parameters)
+        guesses = self._guesses(seconds) if order is None else [list(order)]
+        routing.CloseModelWithParameters(parameters)
+        read = (routing.ReadAssignmentFromRoutes([[1 + target for target in guess]], True) for guess in guesses)
+        first = next((one for one in read if one is not None), None)
+        if first is not None:
+            found = routing.SolveFromAssignmentWithParameters(first, parameters)
         else:
-            routing.CloseModelWithParameters(parameters)
-            first = routing.ReadAssignmentFromRoutes([[1 + target for target in order]], True)
-            found = None if first is None else routing.SolveFromAssignmentWithParameters(first, parameters)
+            found = routing.SolveWithParameters(parameters) if order is None else None
         if found is None:
             return None
         way, index = [], found.Value(routing.NextVar(routing.Start(0)))
@@ -73,6 +75,31 @@ class OrderSearch:
             way.append(manager.IndexToNode(index) - 1)
             index = found.Value(routing.NextVar(index))
         return way
+
+    def _guesses(self, seconds: Array) -> list[list[int]]:
+        """Return first orders that keep to the precedence, of which the library finds none.
+
+        One goes on to the nearest target that may come next, one to that whose window ends first.
+        """
+        if not self._before.any():
+            return []
+        ends = np.array([target.window[1] for target in self._tour.targets])
+        urgencies = [np.zeros(len(ends)), *([ends] if np.isfinite(ends).any() else [])]
+        return [self._greedy(seconds, urgency) for urgency in urgencies]
+
+    def _greedy(self, seconds: Array, urgency: Array) -> list[int]:
+        """Return the order that goes on to the most urgent target that may come next, the nearest of several such."""
+        clusters = [target.cluster for target in self._tour.targets]
+        waits, left, order = self._before.sum(axis=0), np.ones(len(clusters), dtype=bool), list[int]()
+        while left.any():
+            ready = np.flatnonzero(left & (waits == 0)).tolist()
+            last = -1 if not order else order[-1]
+            own = [k for k in ready if order and clusters[last] and clusters[k] == clusters[last]]
+            target = min(own or ready, key=lambda k: (urgency[k], seconds[1 + last, 1 + k]))
+            left[target] = False
+            waits = waits - self._before[target]
+            order.append(target)
+        return order
 
     def _matrix(self, seconds: Array) -> Array:
         """Return costs (m + 2, m + 2): start, targets, end; leaving a cluster costs more than all legs together."""

@@ -99,7 +99,9 @@ class TourSearch:
 
     Attributes:
         problem: of the joints that move; its start is where the tour begins.
+        budget: time for better and better tours.
         found: called with tours on the way, each noticeably better than the one before.
+        longest: time until there is a first tour.
         best: of those planned so far.
         exact: pairs of configurations up to which the best order is found by comparing all.
         rounds: done so far.
@@ -114,6 +116,7 @@ class TourSearch:
     budget: Budget
     progress: Progress
     found: Callable[[FoundTour], None]
+    longest: Budget
     best: FoundTour | None = None
     exact: float = EXACT
     rounds: int = 0
@@ -134,10 +137,15 @@ class TourSearch:
         self._kept: Choice | None = None
         self._rules = OrderRules(self.tour)
 
+    @property
+    def _time(self) -> Budget:
+        """The time that the search has."""
+        return self.longest if self.best is None and self.budget.over else self.budget
+
     def run(self) -> FoundTour | Failure:
         """Search until nothing is gained any more or the budget is over; the best tour counts."""
         self.progress("configurations of the targets", 0.0)
-        layers = self.vertices.first(self.budget, self._turns)
+        layers = self.vertices.first(self.longest, self._turns)
         if isinstance(layers, Failure):
             return layers
         self.info["configurations"] = sum(len(layer.Q) for layer in layers)
@@ -145,16 +153,16 @@ class TourSearch:
         if isinstance(choice, Failure):
             return choice
         choice, stale = self.offer(layers, choice), 0
-        while stale < _STALE and not self.budget.over:
-            self.progress("tour", 1.0 - self.budget.remaining / max(self.budget.seconds, 1e-9))
+        while stale < _STALE and not self._time.over:
+            self.progress("tour", 1.0 - self._time.remaining / max(self._time.seconds, 1e-9))
             before = np.inf if self.best is None else self.best.seconds
             choice = self._refined(self.improved(layers, choice), stale)
             self.rounds += 1
             choice = self.offer(layers, choice)
             gained = self.best is not None and self.best.seconds < before * (1.0 - _NO_GAIN)
             stale = 0 if gained and self.tour.free else stale + 1
-        self.info |= {"legs_planned": self.legs.planned, "cut_short": self.budget.over}
-        return self.best or self.failure or out_of_time(self.budget, "looking for a tour")
+        self.info |= {"legs_planned": self.legs.planned, "cut_short": self._time.over}
+        return self.best or self.failure or out_of_time(self._time, "looking for a tour")
 
     def first(self, layers: Sequence[Layer]) -> Choice | Failure:
         """Return a tour in a first order."""
@@ -164,11 +172,12 @@ class TourSearch:
             exact = self._best_of_all(layers)
             order = None if exact is None else exact.order
         else:
-            order = self._order_search().improved(self._estimates(layers), None, 0, 0.3 * self.budget.remaining)
+            order = self._order_search().improved(self._estimates(layers), None, 0, 0.3 * self._time.remaining)
         choice = None if order is None else self._settled(layers, order)
         if choice is None or not np.isfinite(choice.seconds):
-            why = "no order of the targets was found that keeps to their windows"
-            return out_of_time(self.budget, "looking for an order") if self.budget.over else Failure("no-path", why)
+            timed = any(target.window != (0.0, np.inf) for target in self.tour.targets)
+            why = f"no order of the targets was found that keeps to {'their windows' if timed else 'what is stated'}"
+            return out_of_time(self._time, "looking for an order") if self._time.over else Failure("no-path", why)
         return choice
 
     def _order_search(self) -> OrderSearch:
@@ -204,7 +213,7 @@ class TourSearch:
             other = self._reordered(layers, best, rounds, relaxed=rounds > 0 and k == 0) or best
             gained = other.seconds < best.seconds * (1.0 - _NO_GAIN)
             best = other if other.seconds < best.seconds else best
-            if self.budget.over or not self.tour.free or not (gained or (rounds > 0 and k == 0)):
+            if self._time.over or not self.tour.free or not (gained or (rounds > 0 and k == 0)):
                 break
         return best
 
@@ -218,7 +227,7 @@ class TourSearch:
         few = self.tour.free and not self._many and work_of(layers) > self.exact
         for _ in range(_KICKS if few and self.rounds == 0 else 0):
             order = kicked(choice.order, rng)
-            if self.budget.over or not self._rules.allow(order):
+            if self._time.over or not self._rules.allow(order):
                 continue
             other = self._alternated(layers, self._settled(layers, order), 0)
             choice = other if other.seconds < choice.seconds else choice
@@ -233,7 +242,7 @@ class TourSearch:
         if work_of(layers) <= self.exact:
             return self._best_of_all(layers)
         seconds = self.ladder.relaxed(layers, choice) if relaxed else self.ladder.between_targets(choice)
-        order = self._order_search().improved(seconds, choice.order, rounds, 0.2 * self.budget.remaining)
+        order = self._order_search().improved(seconds, choice.order, rounds, 0.2 * self._time.remaining)
         return None if order is None else self._settled(layers, order)
 
     def _best_of_all(self, layers: Sequence[Layer]) -> Choice | None:
@@ -248,7 +257,7 @@ class TourSearch:
         """Improve the configurations with further ones around them, at smaller and smaller steps."""
         step = 2.0 * np.pi / self._turns * 0.5 * _FINER**stale
         for k in range(_STEPS):
-            if self.budget.over:
+            if self._time.over:
                 break
             layers = self._around(choice, step * _FINER**k)
             better = self._settled(layers, choice.order)
@@ -314,9 +323,9 @@ class TourSearch:
 
     def _planned(self, choice: Choice) -> bool:
         """Plan the legs of a tour, and record what they take; return whether one takes longer than it counted."""
-        surprised = False
+        surprised, time = False, self.longest if self.best is None else self.budget
         for targets, numbers, a, b in self._ways(choice):
-            motion = self.legs.motion(numbers, a, b, self.budget)
+            motion = self.legs.motion(numbers, a, b, time)
             if isinstance(motion, Failure):
                 self.failure = replace(motion, detail=f"{self._words(targets)}: {motion.detail}")
                 self._stopped = motion.kind in ("budget", "cancelled")
@@ -335,7 +344,7 @@ class TourSearch:
         legs: list[Trajectory | None] = []
         now = 0.0
         for (_, target), numbers, a, b in self._ways(choice):
-            motion = self.legs.motion(numbers, a, b, self.budget)
+            motion = self.legs.motion(numbers, a, b, self._time)
             assert not isinstance(motion, Failure)
             low, high = (0.0, np.inf) if target == START else self.tour.targets[target].window
             arrival = now + (0.0 if motion is None else motion.duration)

@@ -31,6 +31,9 @@ _MOVED = 1e-6
 _SHARE = 3.0
 """A job alone may take this many times its share of the budget, since most take much less than theirs."""
 
+_KEPT = 0.5
+"""Of an even share of the budget that each job keeps, however long those before it take."""
+
 _LEAST = 1e-6
 """s: a job takes no less."""
 
@@ -84,13 +87,14 @@ def measure_jobs(assembly: Assembly, plan: Plan, budget: Budget, progress: Progr
     unable = {key: f"{issue.field}: {issue.found}" for key, issue in wrong.items()}
     left: dict[int, tuple[Obstacle, ...]] = {}
     todo = [(k, arm) for k in assembly.order for arm in assembly.jobs[k].arms if (arm, k) not in unable]
+    kept = _KEPT * budget.remaining / max(1, len(todo))
     for count, (k, arm) in enumerate(todo):
         progress("jobs alone", count / len(todo))
         if budget.over:
             unable[arm, k] = "not planned within the budget"
             continue
         problem = _alone(problems[arm], k, [body for j in _before(assembly, k) for body in left.get(j, ())])
-        run = plan(problem, budget.share(min(1.0, _SHARE / (len(todo) - count))))
+        run = plan(problem, _next_share(budget, len(todo) - count, kept))
         if run.verified:
             alone[arm, k] = _measured(problem, run, arm)
             left.setdefault(k, alone[arm, k].left)
@@ -100,13 +104,22 @@ def measure_jobs(assembly: Assembly, plan: Plan, budget: Budget, progress: Progr
     return Measured(arms, alone, unable, _durations(assembly, arms, alone, problems))
 
 
+def _next_share(budget: Budget, jobs: int, kept: float) -> Budget:
+    """Return the budget of the first of the remaining jobs, which leaves `kept` seconds to each of the others."""
+    left = budget.remaining
+    return budget.leaving(left - max(left / jobs, min(_SHARE * left / jobs, left - kept * (jobs - 1))))
+
+
 def _alone(given: ArmProblem, job: int, moved: list[Obstacle]) -> Problem:
-    """Return the problem of one job, with bodies where the jobs before it left them; its steps count from 1."""
+    """Return the problem of one job, with bodies where the jobs before it left them; its steps count from 1.
+
+    No clearance is wished: that takes as long as planning, and what counts is how long the job takes.
+    """
     own = given.steps[job]
     task = tuple(
         replace(step, number=step.number - own.start + 1, waits=()) for step in given.problem.task if step.number in own
     )
-    return derived(given.problem, task=task, scene=_with(given.problem.scene, moved))
+    return derived(given.problem, task=task, scene=_with(given.problem.scene, moved), wished_clearance=0.0)
 
 
 def _with(scene: Scene, moved: list[Obstacle]) -> Scene:

@@ -2,6 +2,8 @@
 
 import json
 
+import pytest
+
 from optiplan.cli.main import run
 
 
@@ -23,6 +25,7 @@ def test_a_run_without_a_motion_is_refused(tmp_path, capsys, shut_in):
     assert "run: a run without a motion; expected one with a motion" in capsys.readouterr().err
 
 
-def test_what_no_bound_is_known_of_is_bad_input(capsys):
-    assert run(["bound", "08_pose"]) == 2
-    assert "goal" in capsys.readouterr().err
+@pytest.mark.parametrize("command", [["bound", "08_pose"], ["plan", "08_pose", "--bound", "5"]])
+def test_what_no_bound_is_known_of_is_bad_input_and_named_by_its_file(command, capsys):
+    assert run(command) == 2
+    assert "08_pose.yaml: goal: found a goal" in capsys.readouterr().err

@@ -9,8 +9,9 @@ import pytest
 import optiplan as op
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, silent
+from optiplan.planners.registry import make_planner
 from optiplan.planners.seams.posture_ladder import rounded_down
-from optiplan.planners.seams.seam_search import SeamSearch
+from optiplan.planners.seams.seam_search import FoundSeam, SeamSearch
 from optiplan.problem.problem import derived
 
 DOWN = [0, 0, -1]
@@ -97,10 +98,18 @@ def test_the_tool_is_brought_to_its_path_within_the_limits_of_the_problem():
     problem = op.Problem("panda", "ready", task=op.Path([[0.4, -0.1, 0.2], [0.4, 0.1, 0.2]], 0.1, axis=DOWN))
     narrow = replace(problem.limits, lower=problem.start - 0.85, upper=problem.start + 0.85)
     path, model = problem.task[0].action, CollisionModel(problem.robot, problem.scene)
-    failure = SeamSearch(derived(problem, limits=narrow), path, model, None, Budget(5.0), silent).run()
+    failure = SeamSearch(derived(problem, limits=narrow), path, model, None, Budget(5.0), Budget(5.0), silent).run()
     assert failure.kind == "reach"
     nearest = np.array(failure.witness["q"])
     assert (np.abs(nearest - problem.start) <= 0.85 + 1e-9).all()
+
+
+def test_a_path_whose_share_is_over_has_the_time_that_the_task_has_left(glue):
+    """It ended with *the budget of … ended while choosing the posture*, also where steps after it need no time."""
+    path, model = glue.problem.task[0].action, CollisionModel(glue.problem.robot, glue.problem.scene)
+    own, planner = derived(glue.problem, task=()), make_planner("trajopt", {})
+    found = SeamSearch(own, path, model, planner, Budget(60.0), Budget(0.0), silent).run()
+    assert isinstance(found, FoundSeam), found
 
 
 def test_a_speed_beyond_the_arm_names_the_step_and_a_joint():

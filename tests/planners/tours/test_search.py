@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget
 from optiplan.planners.registry import make_planner
 from optiplan.planners.tours import search
@@ -169,6 +170,16 @@ def test_an_interrupted_search_keeps_its_best(problem, monkeypatch):
     found = plan_with(own, "trajopt", {}, Budget(30.0, cancel), progress)
     assert found.verified
     assert len(progress.found_motions) == 1
+
+
+def test_a_tour_whose_share_is_over_has_the_whole_time_for_a_first_one(problem):
+    """It ended with *the budget of … ended*, however much time the task had left."""
+    tour, model = problem.task[0].action, planning_model(problem.robot, problem.scene)
+    planner, told = make_planner("trajopt", {}), []
+    own = derived(problem, task=())
+    found = search.TourSearch(own, tour, model, planner, Budget(0.0), Told(), told.append, Budget(60.0)).run()
+    assert isinstance(found, search.FoundTour), found
+    assert len(told) == 1
 
 
 def test_a_leg_without_time_left_is_told_as_that(problem):
