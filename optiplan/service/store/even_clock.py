@@ -19,6 +19,8 @@ DAY = 86400.0
 STEP = 3600.0
 """s by which a clock may be set in between."""
 KEY = "even clock"
+_PASSED: int = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+"""Outside of Linux the clock that is never set may stand still while the machine sleeps: nothing is deleted then."""
 
 _log = logging.getLogger("optiplan.service")
 
@@ -37,7 +39,7 @@ class EvenClock:
         self,
         engine: Engine,
         machine: Callable[[], float] = time.time,
-        passed: Callable[[], float] = lambda: time.clock_gettime(time.CLOCK_BOOTTIME),
+        passed: Callable[[], float] = lambda: time.clock_gettime(_PASSED),
     ) -> None:
         self._engine, self._machine, self._passed = engine, machine, passed
         self._since = -math.inf
