@@ -4,11 +4,14 @@ from optiplan.collision.kept_models import collision_model, kept_planning_model
 from optiplan.collision.native_model import make_links
 from optiplan.collision.passing_neighbours import apart_neighbours
 from optiplan.libraries import clock
+from optiplan.planners.common.gravity import greatest_gravity
 from optiplan.problem.problem import Problem
+from optiplan.robot.batched.base_reaction import held_robot
 from optiplan.robot.robot import Robot
 from optiplan.verify.collision_check import checked_robot
 from optiplan.verify.continuous.kept_clearance import clearances_are_kept, kept_clearances
 from optiplan.verify.continuous.motion_tools import tools_of
+from optiplan.verify.continuous.torque import bounds_of
 from optiplan.verify.planes.plane_search import make_shapes, plane_search
 from optiplan.verify.report import VerifyPolicy
 
@@ -46,4 +49,6 @@ def prepare(robot: Robot) -> dict[str, float]:
 def _make_robot_ready(robot: Robot) -> None:
     make_links(robot)
     make_shapes(robot)
+    for made_of in (held_robot, greatest_gravity, bounds_of):
+        made_of(robot)
     _ = robot.massless_links, robot.bare_links  # which reports name
