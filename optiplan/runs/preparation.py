@@ -1,4 +1,4 @@
-"""What planning and proving ask before they begin: of a robot once in a process, of the work space of a problem."""
+"""Preparations of planning and proving: for a robot once in a process, for the work space of each problem."""
 
 from optiplan.collision.kept_models import collision_model, kept_planning_model
 from optiplan.collision.native_model import make_links
@@ -19,7 +19,7 @@ _TOLD = 0.1
 """s that are worth a word."""
 
 _LARGE = 5000
-"""Pairs of bodies above which a work space is left to the plan: it may never be asked for, and takes long to make."""
+"""Pairs of bodies above which a work space is left to the plan: there may be none, and it takes long to make."""
 
 
 def make_ready(problem: Problem) -> None:

@@ -77,7 +77,7 @@ class OrderSearch:
         return way
 
     def _guesses(self, seconds: Array) -> list[list[int]]:
-        """Return first orders that keep to the precedence, of which the library finds none.
+        """Return first orders that keep to the precedence; the library finds none.
 
         One goes on to the nearest target that may come next, one to that whose window ends first.
         """
