@@ -76,7 +76,7 @@ class NativeCollisionModel(CollisionModel):
 
     `pairs` includes neighbours that never touch (`apart_neighbours`). Without `passing`, the functions `collides`,
     `near`, `contacts`, sweeps and searches skip them; where the scene has a `Safety`, only those with a mesh
-    (`passing_neighbours`), and the core's distances are what is left above the floors.
+    (`passing_neighbours`) or built nearer, and the core's distances are what is left above the floors.
 
     Attributes:
         world: the bodies and pairs in the core; None if the core does not support a shape.
@@ -106,10 +106,20 @@ class NativeCollisionModel(CollisionModel):
         self.unknown = tuple(name for name, found in zip(self.names, bodies, strict=True) if found is None)
         self.error = error if error is not None and error.any() else None
         self.floors = None if self.unknown else floors or floors_of(self, scene.safety, self.error)
-        # Neighbours that never touch may come nearer than a floor asks.
-        skipped = apart_neighbours if self.floors is None else passing_neighbours
-        never = frozenset() if passing or self.unknown else skipped(self.robot)
+        never = frozenset() if passing or self.unknown else self._left_out()
         self.world = None if self.unknown else _world(self, [found for found in bodies if found is not None], never)
+
+    def _left_out(self) -> frozenset[tuple[int, int]]:
+        """Neighbours that never touch; where there are floors, those that keep theirs wherever their joint stands.
+
+        These are built nearer, and their floor is a share of their least distance. Others may come nearer than it.
+        """
+        apart = apart_neighbours(self.robot)
+        if self.floors is None:
+            return apart
+        nearer = {one.pair for one in self.floors.near if one.end < 0}
+        built = frozenset((pair.a, pair.b) for pair in self.pairs if pair.index in nearer)
+        return passing_neighbours(self.robot) | (apart & built)
 
     def about_ends(self, *ends: Array) -> "NativeCollisionModel":
         """Return the model about these ends (n,) of a motion, see `Safety.ends`; itself where no pair is nearer."""

@@ -8,6 +8,7 @@ import pytest
 import trimesh
 
 from optiplan._core import core, variants
+from optiplan.collision.floors import with_built
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import NativeCollisionModel, planning_model
 from optiplan.collision.passing_neighbours import passing_neighbours
@@ -137,3 +138,15 @@ def test_controllers_keep_what_the_structure_allows(tmp_path: Path) -> None:
     limit.bind(robot_in(tmp_path))
     assert list(limit.structure) == ["base and disc"]
     assert limit.structure["base and disc"] == pytest.approx(GAP, rel=0.51)
+
+
+@pytest.mark.skipif(variants() == ("none",), reason="the native core is not built")
+def test_what_is_built_nearer_is_left_out_where_a_clearance_is_required(tmp_path: Path) -> None:
+    """Edges were cut into thousands of parts, by the hair between the discs and their floor."""
+    robot = robot_in(tmp_path, treatment="hull", gap=1.05e-4)
+    Q = places(robot)
+    for clearance, left_out in ((0.005, True), (5e-5, False)):  # of the second the discs keep all
+        scene = Scene([BALL], safety=with_built(Safety(clearance, own=clearance), robot))
+        model = planning_model(robot, scene)
+        assert (("base", "disc") not in near(model, Q)) == left_out
+        assert ("base", "disc") in near(CollisionModel(robot, scene), Q)

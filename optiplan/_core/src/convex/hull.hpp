@@ -18,9 +18,9 @@ namespace optiplan {
 // Directions are sorted into cells of a cube's surface. For each cell the vertices that can be the farthest one for
 // some direction in it are listed (a handful, for the hulls of robots of 100 to 250 vertices), so that a support point
 // is the best of a short list: exact, and independent of what was asked before, which hill climbing along edges is not.
-// A cell is listed by the first question there, of the candidates of a block of cells: most are never asked, since boxes
-// and balls keep most hulls of a robot apart, and in a fresh process all of them would take longer than a plan. Any
-// number of threads may ask.
+// A cell is listed by the first question there, of the candidates of a block of cells: most are never asked, since
+// boxes and balls keep most hulls of a robot apart, and in a fresh process all of them would take longer than a plan.
+// Any number of threads may ask.
 class Hull {
   public:
     explicit Hull(std::vector<Vec3> points);
