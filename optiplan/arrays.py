@@ -67,11 +67,8 @@ def is_finite(value: Any) -> TypeGuard[float]:
 
 def is_listed(value: Any) -> bool:
     """Whether it is a list of whatever kind: no text, mapping, or array of a single number."""
-    return isinstance(value, Iterable) and not isinstance(value, str | bytes | Mapping) and _shape(value) != ()
-
-
-def _shape(value: Any) -> Any:
-    return getattr(value, "shape", None)
+    shape: Any = getattr(value, "shape", None)
+    return isinstance(value, Iterable) and not isinstance(value, str | bytes | Mapping) and shape != ()
 
 
 def number_argument(

@@ -15,7 +15,7 @@ from optiplan.robot.robot import Robot
 _MOST = 2
 """Models cached of each kind: with moving obstacles, planners also query the scene of the static ones."""
 
-_LARGE = 5000
+LARGE = 5000
 """Pairs above which a planner's model is not cached: it takes memory, and planning takes longer than building it."""
 
 _kept = threading.local()
@@ -52,7 +52,7 @@ def kept_planning_model(robot: Robot, scene: Scene, error: Array | None = None) 
     found = next((model for model in alike if _same_safety(model.scene.safety, scene.safety)), None)
     if found is None:
         found = planning_model(robot, scene, collision_model(robot, scene), error=asked)
-        _kept.planning = [found, *models][:_MOST] if len(found.pairs) <= _LARGE else []
+        _kept.planning = [found, *models][:_MOST] if len(found.pairs) <= LARGE else []
     return found
 
 

@@ -1,6 +1,6 @@
 """Preparations of planning and proving: for a robot once in a process, for the work space of each problem."""
 
-from optiplan.collision.kept_models import collision_model, kept_planning_model
+from optiplan.collision.kept_models import LARGE, collision_model, kept_planning_model
 from optiplan.collision.native_model import make_links
 from optiplan.collision.passing_neighbours import apart_neighbours
 from optiplan.libraries import clock
@@ -18,9 +18,6 @@ from optiplan.verify.report import VerifyPolicy
 _TOLD = 0.1
 """s that are worth a word."""
 
-_LARGE = 5000
-"""Pairs of bodies above which a work space is left to the plan: there may be none, and it takes long to make."""
-
 
 def make_ready(problem: Problem) -> None:
     """Make what a plan in this thread would make first, where it takes milliseconds: bodies in both collision models.
@@ -31,7 +28,7 @@ def make_ready(problem: Problem) -> None:
     if problem.task or not clearances_are_kept(problem.robot):
         return
     model = collision_model(checked_robot(problem, VerifyPolicy()), problem.scene)
-    if len(model.pairs) <= _LARGE:
+    if len(model.pairs) <= LARGE:  # else it would be made again
         kept_planning_model(problem.robot, problem.scene, problem.tracking_error)
         plane_search(model, tools_of(model))
 
