@@ -22,8 +22,8 @@ from typing import Any, Literal
 import httpx
 from service_process import HTTP, Postgres, Program, free_port, wait_until_ready
 
-from optiplan.service.health import FRESH, PATIENCE
 from optiplan.service.server import GRACE
+from optiplan.service.store.write_probe import FRESH, PATIENCE
 
 Kind = Literal["SQLite", "PostgreSQL"]
 

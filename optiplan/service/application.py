@@ -125,7 +125,8 @@ def _database(request: Request, error: Any) -> Response:
     if getattr(error, "full", False):
         return _refused(request, Refusal(507, "the disk of the database is full"))
     _log.error("%s", error)
-    return _refused(request, Refusal(503, "the database does not answer", headers={"Retry-After": "2"}))
+    why = str(error) if isinstance(error, DatabaseAwayError) else "the database does not answer"
+    return _refused(request, Refusal(503, why, headers={"Retry-After": "2"}))
 
 
 def _invalid(request: Request, error: Any) -> Response:

@@ -15,6 +15,7 @@ from optiplan.service.store.keyed_tables import BenchTable, ProblemTable
 from optiplan.service.store.run_table import ENDED, Record, RunTable
 from optiplan.service.store.tables import open_database, store_name
 from optiplan.service.store.uploads import Uploads
+from optiplan.service.store.write_probe import WriteProbe
 
 Result = TypeVar("Result")
 
@@ -42,6 +43,7 @@ class Archive:
         contents: the folder of contents.
         uploads: the folder of uploaded files.
         clock: whether it goes evenly.
+        probe: whether database and disk take changes.
         saving: runs that were answered and are being stored, by id.
     """
 
@@ -57,6 +59,7 @@ class Archive:
         self.contents.claim(store_name(self.engine))
         self.runs, self.problems = RunTable(self.engine), ProblemTable(self.engine)
         self.benches, self.clock = BenchTable(self.engine), EvenClock(self.engine)
+        self.probe = WriteProbe(self.engine, self.contents)
         self.saving: dict[str, asyncio.Future[None]] = {}
         self._writers = ThreadPoolExecutor(WRITERS, "write")
         self._readers = ThreadPoolExecutor(READERS, "read")

@@ -10,71 +10,22 @@ import logging
 import os
 import socket
 import threading
-import time
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-
-import sqlalchemy as sa
-from sqlalchemy.engine import Engine
 
 from optiplan.errors import OptiPlanError
 from optiplan.service.execution.run_queue import RunQueue
 from optiplan.service.execution.solver_pool import SolverPool
 from optiplan.service.refusals import error_body
-from optiplan.service.store.contents import ContentFolder
-from optiplan.service.store.tables import Clock, about
+from optiplan.service.store.write_probe import WriteProbe
 
 _log = logging.getLogger("optiplan.service")
 
 SHARE = 1 / 3
 """Of the time that systemd waits, between two words."""
 
-FRESH = 0.5
-"""s that a change counts for."""
-PATIENCE = 1.0
-"""s within which a change has to be made."""
-KEY = "written"
-
 Health = tuple[int, dict[str, object]]
 """Status and body of an answer to a look at the health of a process."""
-
-
-class WriteProbe:
-    """Writes one row of the table `about` when it is asked; one that hangs is not asked a second time."""
-
-    def __init__(self, engine: Engine) -> None:
-        self._engine = engine
-        self._lock = threading.Lock()
-        self._written = float("-inf")
-        self._fault = ""
-        self._trial: threading.Thread | None = None
-
-    def fault(self) -> str | None:
-        """Why the database takes no changes now; None: it has taken one within `FRESH`, s."""
-        with self._lock:
-            if time.monotonic() - self._written < FRESH:
-                return None
-            if self._trial is None or not self._trial.is_alive():
-                self._fault = f"the database takes no changes within {PATIENCE:g} s"
-                self._trial = threading.Thread(target=self._try, name="probe", daemon=True)
-                self._trial.start()
-            trial = self._trial
-        trial.join(PATIENCE)
-        return None if time.monotonic() - self._written < FRESH + PATIENCE else self._fault
-
-    def _try(self) -> None:
-        try:
-            with self._engine.begin() as connection:
-                value = sa.cast(Clock(), sa.Text)
-                row = about.c.key == KEY
-                if connection.execute(about.update().where(row).values(value=value)).rowcount == 0:
-                    connection.execute(about.insert().values(key=KEY, value=value))
-        except sa.exc.IntegrityError:  # another process was first, and so it takes changes
-            self._written = time.monotonic()
-        except Exception as error:
-            self._fault = str(error).strip().split("\n")[0]
-        else:
-            self._written = time.monotonic()
 
 
 class HealthCheck:
@@ -84,9 +35,9 @@ class HealthCheck:
         also: what finds further faults that make it not ready.
     """
 
-    def __init__(self, pool: SolverPool, queue: RunQueue, database: WriteProbe, contents: ContentFolder) -> None:
+    def __init__(self, pool: SolverPool, queue: RunQueue, probe: WriteProbe) -> None:
         self.also: list[Callable[[], list[str]]] = []
-        self._pool, self._queue, self._database, self._contents = pool, queue, database, contents
+        self._pool, self._queue, self._probe = pool, queue, probe
 
     def living(self) -> Health:
         """200 where all threads live; 503 where only a new start helps."""
@@ -99,12 +50,8 @@ class HealthCheck:
         faults = [f"threads have ended or hang: {', '.join(ended)}"] if ended else []
         if not ended and not self._pool.ready:
             faults.append("processes are starting")
-        if (fault := self._database.fault()) is not None:
-            faults.append(fault)
-        try:
-            self._contents.check_room()
-        except (OptiPlanError, OSError) as error:
-            faults.append(str(error))
+        if (fault := self._probe.fault()) is not None:
+            faults.append(str(fault))
         return _answer([*faults, *(fault for look in self.also for fault in look())])
 
     def _ended(self) -> list[str]:

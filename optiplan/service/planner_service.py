@@ -9,7 +9,7 @@ from optiplan.service.execution.event_writer import EventWriter
 from optiplan.service.execution.run_queue import RunQueue
 from optiplan.service.execution.run_solver import RunSolver
 from optiplan.service.execution.solver_pool import Lane, SolverPool
-from optiplan.service.health import HealthCheck, WriteProbe, feed_watchdog
+from optiplan.service.health import HealthCheck, feed_watchdog
 from optiplan.service.pictures import Pictures
 from optiplan.service.queued_plans import QueuedPlans
 from optiplan.service.requests import ProblemRequests
@@ -56,7 +56,7 @@ class PlannerService:
         events = EventWriter(archive.runs)
         solver = RunSolver(settings, events, archive.contents, self.pool)
         self.queue = RunQueue(settings, archive.engine, archive.runs, events, solver)
-        self.health = HealthCheck(self.pool, self.queue, WriteProbe(archive.engine), archive.contents)
+        self.health = HealthCheck(self.pool, self.queue, archive.probe)
         self.requests = ProblemRequests(settings, archive, self.pool)
         self.queued = QueuedPlans(settings, archive, self.requests, self.queue)
         self.waited = WaitedPlans(settings, archive, self.requests, self.pool, solver)

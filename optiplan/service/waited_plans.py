@@ -69,9 +69,12 @@ class WaitedPlans:
 
         Raises:
             Refusal: the problem cannot be planned, too many callers wait.
+            StorageFullError, DatabaseAwayError: the run could not be kept; nothing is planned.
         """
         check_budget(submission, self._settings)
         request, began = await self._requests.of(submission), time.time()
+        if (fault := await self._archive.write(self._archive.probe.fault)) is not None:
+            raise fault
         if self._pool.waiting("plan") >= WAITING * self._settings.interactive:
             raise busy("too many callers wait for a plan", 1.0)
         left = submission.deadline or float("inf")

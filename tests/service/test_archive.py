@@ -10,12 +10,12 @@ import pytest
 import sqlalchemy as sa
 
 from optiplan.service.archive import outdated, sweep
-from optiplan.service.health import WriteProbe
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.store.contents import ContentFolder
 from optiplan.service.store.keyed_tables import ProblemTable
 from optiplan.service.store.run_table import NewRun, RunEnd, RunTable
 from optiplan.service.store.tables import LAYOUT, DatabaseAwayError, about, benches, open_database, runs
+from optiplan.service.store.write_probe import WriteProbe
 from tests.waiting import wait_until
 
 DAY = 86400.0
@@ -185,14 +185,14 @@ def test_a_database_of_an_older_layout_is_brought_up(tmp_path):
 def test_a_database_whose_file_was_deleted_is_away_until_it_is_back(tmp_path):
     file, aside = tmp_path / "here.sqlite", tmp_path / "aside.sqlite"
     engine = open_database(f"sqlite:///{file}")
-    probe, table = WriteProbe(engine), RunTable(engine)
+    probe, table = WriteProbe(engine, ContentFolder(tmp_path / "contents", 0)), RunTable(engine)
     wait_until(lambda: probe.fault() is None)
     file.rename(aside)
     for _ in range(2):
         with pytest.raises(DatabaseAwayError, match="its file was deleted or replaced"):
             table.tell([("0" * 32, {"type": "best"})])
         file.touch()  # another one
-    wait_until(lambda: "its file was deleted or replaced" in (probe.fault() or ""))
+    wait_until(lambda: "its file was deleted or replaced" in str(probe.fault()))
     aside.replace(file)
     wait_until(lambda: probe.fault() is None)
     engine.dispose()

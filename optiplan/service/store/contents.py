@@ -12,10 +12,10 @@ from pathlib import Path
 from optiplan.errors import OptiPlanError
 from optiplan.files import write_bytes
 
-FULL = (errno.ENOSPC, errno.EDQUOT)
-"""Errors of a disk, or a share of one, that is full."""
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Errors of a disk, or a share of one, that is full, and of a file that may not be as large."""
 
-_NAME = "store"
+_NAME, _PROBE = "store", "probe"
 
 
 class StorageFullError(OptiPlanError):
@@ -29,7 +29,7 @@ def room_wanted() -> Iterator[None]:
         yield
     except OSError as error:
         if error.errno in FULL:
-            raise StorageFullError("the disk of the data folder is full") from error
+            raise StorageFullError(f"the disk of the data folder is full: {error.strerror}") from error
         raise
 
 
@@ -101,6 +101,16 @@ class ContentFolder:
         free = shutil.disk_usage(self.folder).free
         if free < self.spare:
             raise StorageFullError(f"the disk of the data folder has {free / 1e6:.0f} MB left; nothing new is taken on")
+
+    def check_writable(self) -> None:
+        """Check that the disk takes more, by a small file.
+
+        Raises:
+            StorageFullError: it does not.
+        """
+        self.check_room()
+        with room_wanted():
+            write_bytes(self.folder / _PROBE, _PROBE.encode())
 
     def older_than(self, seconds: float) -> set[str]:
         """Digests of the contents that have been there for so long."""

@@ -18,12 +18,12 @@ from optiplan.service.execution.event_writer import EventWriter
 from optiplan.service.execution.leases import take_lease
 from optiplan.service.execution.run_solver import RunSolver
 from optiplan.service.execution.solver_pool import SolverAnswer
-from optiplan.service.health import WriteProbe
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.store import tables
 from optiplan.service.store.contents import ContentFolder
 from optiplan.service.store.run_table import NewRun, RunEnd, RunTable
 from optiplan.service.store.tables import DatabaseAwayError, open_database
+from optiplan.service.store.write_probe import WriteProbe
 from tests.service.conftest import NO_WAY, QUICK
 from tests.waiting import PATIENCE, wait_until
 
@@ -87,6 +87,16 @@ def test_a_plan_that_was_answered_is_kept_once_the_database_takes_it(server, mon
     assert add.failed.is_set()
 
 
+def test_a_plan_that_could_not_be_kept_is_refused(server, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(server.service.archive.probe, "fault", lambda: DatabaseAwayError("it is gone", False))
+        answer = server.http.post("/api/plan", json={"problem": QUICK, "seed": 911})
+        assert (answer.status_code, answer.headers["Retry-After"]) == (503, "2")
+        assert answer.json()["error"] == server.http.get("/readyz").json()["error"]
+        assert "it is gone" in answer.json()["error"]
+    assert server.http.post("/api/plan", json={"problem": QUICK, "seed": 911}).status_code == 200
+
+
 def test_an_end_that_is_refused_for_good_is_a_failure(server, monkeypatch):
     end = Breaking(server.service.archive.runs.end, ValueError("no row takes this"), times=1)
     monkeypatch.setattr(server.service.archive.runs, "end", end)
@@ -106,13 +116,13 @@ def test_a_database_that_is_held_is_away_until_it_is_let_go(tmp_path, monkeypatc
     monkeypatch.setattr(tables, "BUSY", 0.1)
     file = tmp_path / "held.sqlite"
     engine = open_database(f"sqlite:///{file}")
-    probe, runs = WriteProbe(engine), RunTable(engine)
+    probe, runs = WriteProbe(engine, ContentFolder(tmp_path / "contents", 0)), RunTable(engine)
     wait_until(lambda: probe.fault() is None)
     holder = sqlite3.connect(file, isolation_level=None)
     holder.execute("BEGIN EXCLUSIVE")
     with pytest.raises(DatabaseAwayError, match="another process holds it"):
         runs.tell([("0" * 32, {"type": "best"})])
-    wait_until(lambda: "another process holds it" in (probe.fault() or ""))
+    assert "another process holds it" in str(probe.fault()), "also where it took a change just before"
     holder.execute("ROLLBACK")
     wait_until(lambda: probe.fault() is None)
     engine.dispose()
@@ -167,7 +177,7 @@ def test_postgresql_goes_and_comes_back(tmp_path, monkeypatch):
         url = server.url.replace("postgresql:", "postgresql+psycopg:")
         assert clocks_apart(url, monkeypatch, tmp_path).failure["detail"] == "planned"
         engine = open_database(url)
-        runs, probe = RunTable(engine), WriteProbe(engine)
+        runs, probe = RunTable(engine), WriteProbe(engine, ContentFolder(tmp_path / "contents", 0))
         assert abs(runs.now() - time.time()) < 60.0
         mine, other = take_lease(engine, tmp_path), take_lease(engine, tmp_path)
         assert mine.alive(other.name)

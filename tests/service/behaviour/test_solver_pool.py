@@ -9,10 +9,11 @@ import sqlalchemy as sa
 from service_process import HTTP
 
 from optiplan.service.execution.solver_pool import SolverJob, SolverPool
-from optiplan.service.health import HealthCheck, WriteProbe, serve_health
+from optiplan.service.health import HealthCheck, serve_health
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.store.contents import ContentFolder
 from optiplan.service.store.tables import open_database
+from optiplan.service.store.write_probe import WriteProbe
 from tests.service.conftest import NO_WAY, QUICK
 from tests.waiting import PATIENCE, wait_until
 
@@ -104,14 +105,14 @@ def test_threads_that_have_ended_are_no_health(pool, tmp_path):
         ended = ("lease",)
 
     engine = open_database(f"sqlite:///{tmp_path / 'a.sqlite'}")
-    check = HealthCheck(pool, Queue(), WriteProbe(engine), ContentFolder(tmp_path / "contents", 0))
+    check = HealthCheck(pool, Queue(), WriteProbe(engine, ContentFolder(tmp_path / "contents", 0)))
     for status, body in (check.living(), check.ready()):
         assert status == 503
         assert "lease" in body["error"]
     pool.submit("queue", plan()).result(PATIENCE)
     Queue.ended = ()
     assert check.living()[0] == check.ready()[0] == 200
-    full = HealthCheck(pool, Queue(), WriteProbe(engine), ContentFolder(tmp_path / "contents", 10**18))
+    full = HealthCheck(pool, Queue(), WriteProbe(engine, ContentFolder(tmp_path / "contents", 10**18)))
     assert full.living()[0] == 200
     assert "MB left" in full.ready()[1]["error"]
     server = serve_health(check, 0)
