@@ -11,7 +11,8 @@ import traceback
 import warnings
 from collections.abc import Sequence
 from importlib import import_module
-from io import TextIOWrapper
+from io import BufferedWriter, FileIO, TextIOWrapper
+from typing import Any
 
 import typer
 from typer.core import TyperGroup
@@ -69,19 +70,37 @@ def main() -> None:
 
 
 def _open_streams() -> None:
-    """Replace a stdout or stderr that was closed before the start (`>&-`) by the null device.
+    """Replace a stdout or stderr that was closed before the start (`>&-`) by the null device, or whose reader goes.
 
-    Characters that the encoding of stdout lacks become question marks; stderr writes their numbers.
+    Characters that the encoding of stdout lacks, as · and ≥, become question marks; stderr writes their numbers.
     """
-    for number, name in ((1, "stdout"), (2, "stderr")):
-        if getattr(sys, name) is None:
-            opened = os.open(os.devnull, os.O_WRONLY)
-            if opened != number:
-                os.dup2(opened, number)
-                os.close(opened)
-            setattr(sys, name, os.fdopen(number, "w"))
-    if isinstance(sys.stdout, TextIOWrapper):  # a terminal that has no · or ≥ shows another character there
-        sys.stdout.reconfigure(errors="replace")
+    for number, name, errors in ((1, "stdout", "replace"), (2, "stderr", "backslashreplace")):
+        stream = getattr(sys, name)
+        if stream is None:
+            _lose(number)
+        lines = stream is not None and (stream.line_buffering or stream.write_through)
+        encoding = None if stream is None else stream.encoding
+        writer = BufferedWriter(_Output(number, "w", closefd=False))
+        setattr(sys, name, TextIOWrapper(writer, encoding, errors, line_buffering=lines))
+
+
+class _Output(FileIO):
+    """Takes what is written also after the reader has gone, as `head` does: that is no fault of the run."""
+
+    def write(self, content: Any) -> int:
+        try:
+            return super().write(content)
+        except BrokenPipeError:
+            _lose(self.fileno())
+            return super().write(content)
+
+
+def _lose(number: int) -> None:
+    """Have a file descriptor write to the null device."""
+    opened = os.open(os.devnull, os.O_WRONLY)
+    if opened != number:
+        os.dup2(opened, number)
+        os.close(opened)
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -99,13 +118,10 @@ def run(arguments: Sequence[str]) -> int:
     except OptiPlanError as error:
         report_error(error, as_json)
         return Exit.BAD_INPUT
-    except BrokenPipeError:  # the reader of the output has gone: print nothing more, not even at exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        return Exit.BUG
     except OSError as error:
         if error.filename is None and error.errno in STDOUT_LOST:
             print_error(f"optiplan: the output cannot be written: {error.strerror or error}")
-            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+            _lose(1)
             return Exit.BUG
         report_error(file_error(error), as_json)
         return Exit.BAD_INPUT

@@ -16,6 +16,7 @@ from optiplan.cli.program import COMMANDS, program
 from tests.waiting import PATIENCE, processor_seconds, wait_until
 
 ROOT = Path(__file__).parents[3]
+SEARCHED = os.pathsep.join((str(ROOT), os.environ.get("PYTHONPATH", "")))
 PROGRAM = [sys.executable, "-c", "from optiplan.cli.main import main; main()"]
 HEAVY = (
     "pinocchio",
@@ -52,7 +53,7 @@ UNASKED = (
 
 
 def start(*arguments, **options):
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    environment = {**os.environ, "PYTHONPATH": SEARCHED}
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     return subprocess.Popen([*PROGRAM, *map(str, arguments)], env=environment, **(pipes | options))
 
@@ -180,25 +181,25 @@ def test_a_command_brings_its_own_module_alone_and_the_same_words():
         assert alone.output == among.output, name
 
 
-def test_a_reader_that_goes_away_is_no_error(free):
-    process = start("plan", free)
+@pytest.mark.parametrize("json", [[], ["--json"]])
+def test_a_reader_that_goes_away_is_no_error(free, tmp_path, json):
+    process = start("plan", free, "--out", tmp_path / "run", *json)
     process.stdout.close()
     err = process.stderr.read()
-    process.wait(timeout=PATIENCE)
-    assert "Traceback" not in err
+    assert (process.wait(timeout=PATIENCE), err) == (0, "")
+    assert {path.name for path in (tmp_path / "run").iterdir()} == {"run.json", "trajectory.json"}
 
 
 def test_ctrl_c_while_the_program_is_imported_ends_it_without_a_word(tmp_path):
     (tmp_path / "typer.py").write_text("import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(1)\n")
-    search = os.pathsep.join((str(tmp_path), str(ROOT), os.environ.get("PYTHONPATH", "")))
+    search = os.pathsep.join((str(tmp_path), SEARCHED))
     command = [sys.executable, "-m", "optiplan", "--help"]
     ended = subprocess.run(command, env={**os.environ, "PYTHONPATH": search}, capture_output=True, cwd=tmp_path)
     assert (ended.returncode, ended.stdout, ended.stderr) == (-signal.SIGINT, b"", b"")
 
 
 def test_a_terminal_without_our_characters_shows_others(free):
-    search = os.pathsep.join((str(ROOT), os.environ.get("PYTHONPATH", "")))
-    environment = {**os.environ, "PYTHONPATH": search, "PYTHONIOENCODING": "ascii"}
+    environment = {**os.environ, "PYTHONPATH": SEARCHED, "PYTHONIOENCODING": "ascii"}
     command = [*PROGRAM, "plan", str(free), "--budget", "2"]
     ended = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert ended.returncode == 0
