@@ -12,6 +12,7 @@ from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic_core import ErrorDetails
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import CollectionEndEvent, CollectionStartEvent, StreamEndEvent
@@ -159,7 +160,8 @@ def validate(model_class: type[Model], document: Document) -> Model:
         if (words := mistaken(model_class, document.data)) is not None:
             raise InputError([document.issue((), *words)]) from error
         model, cause = None, error
-    known = {} if cause is None else {item.field: item for item in pydantic_issues(model_class, document, cause)}
+    errors = [] if cause is None else cause.errors(include_url=False)
+    known = {item.field: item for item in pydantic_issues(model_class, document, errors)}
     for issue, value in unfit:  # a field that has a range says so itself
         if issue.field not in known or not _finite(value):
             known[issue.field] = issue
@@ -168,10 +170,10 @@ def validate(model_class: type[Model], document: Document) -> Model:
     return model
 
 
-def pydantic_issues(model_class: type[BaseModel], document: Document, error: ValidationError) -> list[Issue]:
-    """One `Issue` for each error that pydantic found in `document`."""
+def pydantic_issues(model_class: type[BaseModel], document: Document, errors: Iterable[ErrorDetails]) -> list[Issue]:
+    """One `Issue` for each field of `document` in which pydantic found errors."""
     issues: dict[Place, Issue] = {}
-    for item in error.errors(include_url=False):
+    for item in errors:
         found, expected = words_for(model_class, item)
         place = document.place(item["loc"])
         name = (*place, item["loc"][-1]) if item["type"] == "missing" else place

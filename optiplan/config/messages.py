@@ -88,7 +88,7 @@ def describe(value: Any) -> str:
     if isinstance(value, float) and not math.isfinite(value):
         return "NaN" if math.isnan(value) else "infinity" if value > 0 else "-infinity"
     if isinstance(value, Mapping):
-        keys = f"key{'' if len(value) == 1 else 's'} {', '.join(map(str, value))}"
+        keys = f"key{'' if len(value) == 1 else 's'} {some(list(map(str, value)))}"
         return f"a mapping with the {keys}" if value else "an empty mapping"
     if isinstance(value, list | tuple):
         return f"a list of {len(value)} value{'' if len(value) == 1 else 's'}"

@@ -3,25 +3,27 @@
 import asyncio
 import logging
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager
+from pathlib import Path
 from typing import Any
 
 import sqlalchemy as sa
-from fastapi import FastAPI, Request
+from fastapi import Depends, FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse, Response
+from pydantic import BaseModel
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp
 
 import optiplan
-from optiplan.config.messages import expected_by
+from optiplan.config.document import Document, pydantic_issues
 from optiplan.errors import OptiPlanError
 from optiplan.service.guard.gate import REQUEST, Gate
 from optiplan.service.guard.metrics import RequestCounts
 from optiplan.service.guard.yaml_bodies import YamlBodies
 from optiplan.service.pages.framing import error_page, wants_page
 from optiplan.service.planner_service import PlannerService
-from optiplan.service.refusals import Refusal, error_body, internal_error
+from optiplan.service.refusals import Refusal, error_body, internal_error, not_found
 from optiplan.service.routes import (
     benches,
     drawing,
@@ -35,7 +37,7 @@ from optiplan.service.routes import (
     runs,
     uploads,
 )
-from optiplan.service.routes.answers import Json
+from optiplan.service.routes.answers import Json, known_query
 from optiplan.service.routes.events import EventFeed
 from optiplan.service.store.contents import StorageFullError
 from optiplan.service.store.tables import DatabaseAwayError
@@ -45,6 +47,9 @@ TIDY = 600.0
 KEEPING = 3.0
 """s that runs which were answered have to be kept when the server stops."""
 ABOUT = "Plans robot motions that are proved free of collision and within limits. Errors: `{error, issues}`."
+
+BROKEN = "json_invalid"
+"""Pydantic's type of an error of a body that is no JSON."""
 
 _log = logging.getLogger("optiplan.service")
 
@@ -63,7 +68,7 @@ def make_application(service: PlannerService) -> ASGIApp:
     )
     app.state.service, app.state.metrics, app.state.feed = service, RequestCounts(), EventFeed(service.archive)
     for room in (runs, problems, uploads, benches, robots, events, live, executions, drawing, health, pages):
-        app.include_router(room.router)
+        app.include_router(room.router, dependencies=[] if room is pages else [Depends(known_query)])
     app.add_exception_handler(Refusal, _refused)
     app.add_exception_handler(OptiPlanError, _wrong)
     app.add_exception_handler(StorageFullError, _full)
@@ -130,26 +135,33 @@ def _database(request: Request, error: Any) -> Response:
 
 
 def _invalid(request: Request, error: Any) -> Response:
-    issues = []
-    for item in error.errors():
-        place = ".".join(str(part) for part in item["loc"])
-        issues.append(
-            {"file": "request", "line": None, "field": place, "found": _found(item), "expected": expected_by(item)}
-        )
-    broken = any(item["type"] == "json_invalid" for item in error.errors())
-    text = "; ".join(f"{one['field']}: {one['found']}; expected {one['expected']}" for one in issues[:5])
-    return _refused(request, Refusal(400 if broken else 422, text, issues))
+    """Tell all that does not fit the schema of a route; a path that names nothing is not there."""
+    items = [_retold(item, request) for item in error.errors()]
+    for where, *name in (item["loc"] for item in items):
+        if where == "path":
+            what, found = name[0], request.path_params[name[0]]
+            return _refused(request, not_found("problem" if what == "hash" else what, found))
+    data = {"query": dict(request.query_params), "Content-Type": ""}
+    data |= {} if error.body is None else {"body": error.body}
+    body = request.scope["route"].body_field
+    model = body.field_info.annotation if body else BaseModel
+    issues = pydantic_issues(model, Document(Path("request"), data, {}), items)
+    text = "; ".join(f"{one.field}: {one.found}; expected {one.expected}" for one in issues[:5])
+    broken = any(item["type"] == BROKEN for item in error.errors())
+    return _refused(request, Refusal(400 if broken else 422, text, [vars(one) for one in issues]))
 
 
-def _found(item: Any) -> str:
-    """What was found, in a few words."""
-    if item["type"] in ("missing", "json_invalid"):
-        return "nothing" if item["type"] == "missing" else "broken JSON"
-    value = item.get("input")
-    with suppress(Exception):
-        text = " ".join(repr(value)[:200].split()) if not isinstance(value, dict | list) else type(value).__name__
-        return text if len(text) <= 80 else text[:79] + "…"
-    return type(value).__name__
+def _retold(item: Any, request: Request) -> Any:
+    """An error of pydantic about a whole body in our words: it is broken, or was sent as what it is not."""
+    kind = request.headers.get("content-type", "nothing").partition(";")[0]
+    if item["type"] == BROKEN:
+        place, words = ("body",), f"found broken JSON ({item['ctx']['error']}); expected JSON"
+    elif item["loc"] == ("body",) and not kind.endswith("json"):
+        place = ("Content-Type",)
+        words = f"found {kind}; expected application/json, or application/yaml for the text of a problem file"
+    else:
+        return item
+    return {**item, "type": "value_error", "loc": place, "ctx": {"error": words}}
 
 
 def _http(request: Request, error: Any) -> Response:

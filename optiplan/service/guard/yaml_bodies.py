@@ -37,7 +37,7 @@ class YamlBodies:
         async def replay() -> Message:
             return messages.pop() if messages else await receive()
 
-        await self._app({**scope, "headers": kept}, replay, send)
+        await self._app({**scope, "headers": kept, "query_string": b""}, replay, send)
 
 
 async def _whole(receive: Receive) -> bytes:

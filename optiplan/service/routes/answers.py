@@ -13,6 +13,8 @@ from fastapi.responses import JSONResponse, Response
 from sse_starlette.sse import EventSourceResponse
 
 from optiplan.config.document import parse_yaml
+from optiplan.config.messages import choices, one_line
+from optiplan.errors import InputError, Issue
 from optiplan.service.archive import Archive, has_page
 from optiplan.service.models import ErrorAnswer, RunAnswer
 from optiplan.service.planner_service import PlannerService
@@ -42,7 +44,8 @@ Responses = dict[int | str, dict[str, Any]]
 
 def errors(*statuses: int) -> Responses:
     """The errors of a route, with those of every route."""
-    return {status: {"model": ErrorAnswer, "description": ERRORS[status]} for status in (*statuses, 400, 401, 403, 429)}
+    of_every_route = (400, 401, 403, 422, 429)
+    return {status: {"model": ErrorAnswer, "description": ERRORS[status]} for status in (*statuses, *of_every_route)}
 
 
 def files(*kinds: str) -> Responses:
@@ -50,10 +53,10 @@ def files(*kinds: str) -> Responses:
     return {200: {"description": "The file", "content": {kind: {} for kind in kinds}}}
 
 
-PACKED = files("application/zip") | errors(404, 409, 422, 503)
+PACKED = files("application/zip") | errors(404, 409, 503)
 """Of a route that packs what was seen of a session."""
 
-WATCHED: Responses = errors(404, 422) | {
+WATCHED: Responses = errors(404) | {
     200: {"content": {"text/event-stream": {}}, "description": "state, 25 times a second; end"}
 }
 """Of a route that streams the events of a session."""
@@ -68,6 +71,22 @@ def service(request: Request) -> PlannerService:
 def archive(request: Request) -> Archive:
     """What that service keeps."""
     return service(request).archive
+
+
+def known_query(request: Request) -> None:
+    """Check that a route knows every key of the query.
+
+    Raises:
+        InputError: it does not: what nobody reads would be left out without a word.
+    """
+    valid = [one.alias for one in request.scope["route"].dependant.query_params]
+    issues = [
+        Issue("request", None, "query", one_line(f"unknown key '{key}'"), choices(key, valid) if valid else "no query")
+        for key in request.query_params
+        if key not in valid
+    ]
+    if issues:
+        raise InputError(issues)
 
 
 Service = Annotated[PlannerService, Depends(service)]

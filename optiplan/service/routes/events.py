@@ -102,7 +102,7 @@ class EventFeed:
     "/runs/{run}/events",
     responses={
         200: {"content": {"text/event-stream": {}}, "description": "status, stage, best, end; stopping"},
-        **errors(404, 422),
+        **errors(404),
     },
     response_class=EventSourceResponse,
 )

@@ -26,11 +26,11 @@ from optiplan.service.sessions.execution_sessions import PROOF, ExecutionSession
 router = APIRouter(prefix="/api/executions", default_response_class=Json)
 
 ExecutionPath = Annotated[str, Path(pattern="^[0-9a-f]{32}$", description="Id of an execution")]
-STEERED = errors(404, 409, 413, 422, 503)
+STEERED = errors(404, 409, 413, 503)
 """What may go wrong with words to an execution."""
 
 
-@router.post("", status_code=201, response_model=ExecutionAnswer, responses=errors(404, 409, 413, 422, 503, 504))
+@router.post("", status_code=201, response_model=ExecutionAnswer, responses=errors(404, 409, 413, 503, 504))
 async def start(given: ExecutionRequest, service: Service) -> Json:
     """Execute a verified motion by a driver of this server; a problem without a motion is planned first.
 
@@ -47,14 +47,14 @@ async def executions(service: Service) -> Json:
     return Json({"executions": found, "drivers": list(service.executions.drivers)})
 
 
-@router.get("/{execution}", response_model=ExecutionView, responses=errors(404, 422))
+@router.get("/{execution}", response_model=ExecutionView, responses=errors(404))
 async def one(execution: ExecutionPath, service: Service) -> Json:
     """An execution with its last state."""
     session = service.executions.get(execution)
     return Json({**_answer(session), "state": session.state})
 
 
-@router.get("/{execution}/scene", responses=errors(404, 422, 503))
+@router.get("/{execution}/scene", responses=errors(404, 503))
 async def scene(execution: ExecutionPath, service: Service) -> Response:
     """What a page draws of an execution: the scene and the motion that is executed now."""
     motion = service.executions.get(execution).motion

@@ -15,7 +15,7 @@ router = APIRouter(prefix="/api/live", default_response_class=Json)
 SessionPath = Annotated[str, Path(pattern="^[0-9a-f]{32}$", description="Id of a controller that runs")]
 
 
-@router.post("", status_code=201, response_model=LiveAnswer, responses=errors(404, 413, 422, 503))
+@router.post("", status_code=201, response_model=LiveAnswer, responses=errors(404, 413, 503))
 async def start(given: LiveRequest, service: Service) -> Json:
     """Start the task-space controller above a simulated robot, at the start of a problem.
 
@@ -31,7 +31,7 @@ async def running(service: Service) -> Json:
     return Json([_answer(session) for session in service.live.all()])
 
 
-@router.get("/{session}", response_model=LiveView, responses=errors(404, 422))
+@router.get("/{session}", response_model=LiveView, responses=errors(404))
 async def one(session: SessionPath, service: Service) -> Json:
     """A controller that runs, with its problem, so that others can watch it too."""
     found = service.live.get(session)
@@ -54,14 +54,14 @@ async def events(session: SessionPath, service: Service) -> EventSourceResponse:
     return watched(service.live.get(session))
 
 
-@router.post("/{session}/target", status_code=204, responses=errors(404, 413, 422))
+@router.post("/{session}/target", status_code=204, responses=errors(404, 413))
 async def aim(session: SessionPath, target: LiveTarget, service: Service) -> Response:
     """Move the target; the controller follows within its limits and clear of everything."""
     service.live.get(session).aim(target.pose)
     return Response(status_code=204)
 
 
-@router.delete("/{session}", status_code=204, responses=errors(404, 422))
+@router.delete("/{session}", status_code=204, responses=errors(404))
 async def stop(session: SessionPath, service: Service) -> Response:
     """Stop a controller."""
     service.live.get(session).stop()

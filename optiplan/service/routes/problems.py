@@ -20,7 +20,7 @@ async def schema() -> Json:
     return Json(problem_schema())
 
 
-@router.post("/problems/validate", response_model=CheckAnswer, responses=errors(404, 413, 422, 503))
+@router.post("/problems/validate", response_model=CheckAnswer, responses=errors(404, 413, 503))
 async def validate(given: ProblemInput, service: Service) -> Json:
     """Everything that is wrong with a problem; nothing is stored."""
     try:
@@ -32,7 +32,7 @@ async def validate(given: ProblemInput, service: Service) -> Json:
     return Json({"valid": True, "issues": [], **{key: about[key] for key in ("hash", "name", "robot")}})
 
 
-@router.post("/problems", status_code=201, response_model=ProblemAnswer, responses=errors(404, 413, 422, 503, 507))
+@router.post("/problems", status_code=201, response_model=ProblemAnswer, responses=errors(404, 413, 503, 507))
 async def store(given: ProblemInput, service: Service) -> Json:
     """Store a problem; its hash stands for it as `problem` of a submission, with `start` and `goal` in their place."""
     about = await service.requests.check(given)
@@ -51,13 +51,13 @@ async def store(given: ProblemInput, service: Service) -> Json:
     return Json(_answer(row), 201)
 
 
-@router.get("/problems", response_model=list[ProblemAnswer], responses=errors(422))
+@router.get("/problems", response_model=list[ProblemAnswer], responses=errors())
 async def listed(archive: Kept, limit: Annotated[int, Query(ge=1, le=500)] = 100) -> Json:
     """The stored problems, the last stored first."""
     return Json([_answer(row) for row in await archive.read(lambda: archive.problems.newest(limit))])
 
 
-@router.get("/problems/{hash}", responses=errors(404, 422))
+@router.get("/problems/{hash}", responses=errors(404))
 async def one(hash: HashPath, archive: Kept) -> Json:
     """A stored problem: text as it came, or JSON, with the `start`, `goal` or `name` that it was stored with in it."""
     row = await archive.read(lambda: archive.problems.get(hash))
@@ -68,7 +68,7 @@ async def one(hash: HashPath, archive: Kept) -> Json:
     return Json({**stored, "problem": await archive.read(lambda: problem_of(stored)), "start": None, "goal": None})
 
 
-@router.delete("/problems/{hash}", status_code=204, responses=errors(404, 422))
+@router.delete("/problems/{hash}", status_code=204, responses=errors(404))
 async def delete(hash: HashPath, archive: Kept) -> Response:
     """Forget a stored problem; its runs stay."""
     if not await archive.write(lambda: archive.problems.delete(hash)):

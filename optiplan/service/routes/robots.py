@@ -60,21 +60,21 @@ async def examples(service: Service) -> Json:
     return Json({name: text for name, text in texts.items() if not any(word in text for word in FILES)})
 
 
-@router.post("/scene", responses=errors(404, 413, 422, 503))
+@router.post("/scene", responses=errors(404, 413, 503))
 async def scene(given: ProblemInput, service: Service) -> Response:
     """What a page draws of a problem, and which of it can be moved."""
     answer = await service.requests.ask(await service.requests.of(given), "scene")
     return Response(answer.files["scene.json"], media_type="application/json")
 
 
-@router.post("/pose", responses=errors(404, 413, 422, 503))
+@router.post("/pose", responses=errors(404, 413, 503))
 async def pose(given: PoseRequest, service: Service) -> Json:
     """Poses of the joints at a configuration, what touches there, and where the tool is."""
     answer = await service.requests.ask({**await service.requests.of(given), "q": given.q}, "pose")
     return Json(answer.data)
 
 
-@router.post("/ik", responses=errors(404, 413, 422, 503))
+@router.post("/ik", responses=errors(404, 413, 503))
 async def ik(given: IkRequest, service: Service) -> Json:
     """All branches of the inverse kinematics for a pose of a frame, the nearest first, with poses of the joints."""
     request = {**await service.requests.of(given), "pose": given.pose, "near": given.near, "frame": given.frame}

@@ -36,14 +36,14 @@ MEDIA = {"csv": "text/csv", "json": "application/json", "ros": "application/yaml
 BYTES = "application/octet-stream"
 
 
-@router.post("/runs", status_code=202, response_model=SubmittedRun, responses=errors(404, 413, 422, 503, 507))
+@router.post("/runs", status_code=202, response_model=SubmittedRun, responses=errors(404, 413, 503, 507))
 async def submit(submission: QueuedSubmission, service: Service) -> Json:
     """Queue a run. The same submission is the same run: its id again, with the answer where there is one."""
     name = submission.submission or uuid.uuid4().hex
     return Json(run_answer(await service.queued.submit(submission, name)) | {"submission": name}, 202)
 
 
-@router.get("/runs", response_model=RunList, responses=errors(422))
+@router.get("/runs", response_model=RunList, responses=errors())
 async def listed(
     archive: Kept,
     limit: Annotated[int, Query(ge=1, le=500)] = 50,
@@ -54,13 +54,13 @@ async def listed(
     return Json({"runs": run_answers(records), "counts": await archive.read(archive.runs.counts)})
 
 
-@router.get("/runs/{run}", response_model=RunAnswer, responses=errors(404, 422))
+@router.get("/runs/{run}", response_model=RunAnswer, responses=errors(404))
 async def one(run: RunPath, archive: Kept) -> Json:
     """A run."""
     return Json(run_answer(await archive.run(run)))
 
 
-@router.delete("/runs/{run}", status_code=204, responses=errors(404, 409, 422))
+@router.delete("/runs/{run}", status_code=204, responses=errors(404, 409))
 async def delete(run: RunPath, service: Service) -> Response:
     """Forget a run that has ended, with its files."""
     record = await service.archive.run(run)
@@ -70,7 +70,7 @@ async def delete(run: RunPath, service: Service) -> Response:
     return Response(status_code=204)
 
 
-@router.post("/runs/{run}/cancel", response_model=RunAnswer, responses=errors(404, 409, 422))
+@router.post("/runs/{run}/cancel", response_model=RunAnswer, responses=errors(404, 409))
 async def cancel(
     run: RunPath,
     service: Service,
@@ -89,19 +89,19 @@ async def cancel(
     return Json(run_answer(await service.archive.run(run)))
 
 
-@router.get("/runs/{run}/trajectory.json", responses=errors(404, 422))
+@router.get("/runs/{run}/trajectory.json", responses=errors(404))
 async def trajectory(run: RunPath, archive: Kept) -> Response:
     """The motion: `joint_names`, `pieces`, and samples `t`, `q`, `v`, `a`."""
     return await _file(archive, run, TRAJECTORY)
 
 
-@router.get("/runs/{run}/run.json", responses=errors(404, 422))
+@router.get("/runs/{run}/run.json", responses=errors(404))
 async def record(run: RunPath, archive: Kept) -> Response:
     """Everything about the run but its motion: the problem, the report, measures, timings."""
     return await _file(archive, run, RUN)
 
 
-@router.get("/runs/{run}/problem", response_class=Response, responses=files("application/yaml") | errors(404, 422))
+@router.get("/runs/{run}/problem", response_class=Response, responses=files("application/yaml") | errors(404))
 async def problem(run: RunPath, archive: Kept) -> Response:
     """The problem of the run: the text as it was submitted, or its data as JSON, which is YAML too.
 
@@ -114,7 +114,7 @@ async def problem(run: RunPath, archive: Kept) -> Response:
     )
 
 
-@router.get("/runs/{run}/scene", responses=errors(404, 422, 503))
+@router.get("/runs/{run}/scene", responses=errors(404, 503))
 async def scene(run: RunPath, service: Service) -> Response:
     """What a page draws of a run: the scene and the motion."""
     record = await service.archive.run(run)
@@ -123,7 +123,7 @@ async def scene(run: RunPath, service: Service) -> Response:
     return Response(answer.files["scene.json"], media_type="application/json")
 
 
-@router.get("/runs/{run}/run.zip", response_class=Response, responses=files("application/zip") | errors(404, 422))
+@router.get("/runs/{run}/run.zip", response_class=Response, responses=files("application/zip") | errors(404))
 async def folder(run: RunPath, archive: Kept) -> Response:
     """The run folder, as `optiplan verify` and `optiplan view` read it."""
     found = await archive.run(run)
@@ -131,7 +131,7 @@ async def folder(run: RunPath, archive: Kept) -> Response:
 
 
 @router.get(
-    "/runs/{run}/export.{format}", response_class=Response, responses=files(*MEDIA.values(), BYTES) | errors(404, 422)
+    "/runs/{run}/export.{format}", response_class=Response, responses=files(*MEDIA.values(), BYTES) | errors(404)
 )
 async def exported(
     run: RunPath,
@@ -163,7 +163,7 @@ async def exported(
     return Response(await archive.read(made), media_type=MEDIA.get(format, BYTES))
 
 
-@router.post("/plan", response_model=PlanAnswer, responses=errors(404, 413, 422, 503, 504, 507))
+@router.post("/plan", response_model=PlanAnswer, responses=errors(404, 413, 503, 504, 507))
 async def plan(submission: PlanRequest, service: Service, request: Request) -> Response:
     """Plan and wait for the answer, past the queue: for callers that need the motion now. Who goes away, cancels.
 

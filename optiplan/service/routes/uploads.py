@@ -27,7 +27,7 @@ async def listed(archive: Kept) -> Json:
     return Json({"uploads": [vars(upload) for upload in found], "bytes": sum(upload.bytes for upload in found)})
 
 
-@router.put("/{path:path}", status_code=201, responses=errors(413, 422, 507))
+@router.put("/{path:path}", status_code=201, responses=errors(413, 507))
 async def upload(
     path: UploadPath, content: Annotated[bytes, Body(media_type="application/octet-stream")], archive: Kept
 ) -> Json:
@@ -45,7 +45,7 @@ async def upload(
     return Json({"file": path, "bytes": len(content)}, 201)
 
 
-@router.delete("/{path:path}", status_code=204, responses=errors(404, 422))
+@router.delete("/{path:path}", status_code=204, responses=errors(404))
 async def delete(path: UploadPath, archive: Kept) -> Response:
     """Delete an upload; problems that name it cannot be planned any more."""
     _check(path)

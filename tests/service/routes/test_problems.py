@@ -106,15 +106,35 @@ def test_broken_bodies_are_refused(server, body):
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"problem": 5}, "body.problem.str: 5; expected text"),
+        ({"problem": 5}, "body.problem: 5; expected text, or a mapping of keys to values"),
         ({}, "body.problem: nothing; expected this key, which is required"),
         ({"problem": QUICK, "budget": "soon"}, "body.budget: 'soon'; expected a number"),
-        ({"problem": QUICK, "speed": 5}, "body.speed: 5; expected no such key"),
+        ({"problem": QUICK, "seeds": 5}, "body.seeds: unknown key 'seeds'; expected one of: "),
+        ({"problem": QUICK, "seeds": 5}, "(did you mean 'seed'?)"),
+        ({"problem": QUICK, "budget": 5000}, "budget: found 5000 s; expected at most 300 s on this server"),
     ],
 )
 def test_what_does_not_fit_is_told_in_our_words(server, given, words):
     answer = server.http.post("/api/runs", json=given)
     assert answer.status_code == 422
+    assert words in answer.json()["error"]
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "content", "status", "words"),
+    [
+        ("GET", "/api/runs?lmit=5", "", 422, "unknown key 'lmit'; expected one of: limit, before (did you mean 'limit"),
+        ("POST", "/api/runs?budget=5", "{}", 422, "query: unknown key 'budget'; expected no query"),
+        ("POST", "/api/runs", "{", 400, "body: broken JSON"),
+        ("POST", "/api/plan", QUICK, 422, "Content-Type: text/plain; expected application/json, or application/yaml"),
+        ("GET", "/runs/nope", "", 404, "there is no run 'nope'"),
+        ("GET", "/api/problems/nope", "", 404, "there is no problem 'nope'"),
+    ],
+)
+def test_what_is_asked_in_a_wrong_way_is_told(server, method, path, content, status, words):
+    kind = "application/json" if content.startswith("{") else "text/plain"
+    answer = server.http.request(method, path, content=content, headers={"Content-Type": kind})
+    assert answer.status_code == status
     assert words in answer.json()["error"]
 
 
