@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from optiplan.cli.completion import robot_names
+from optiplan.errors import OptiPlanError
 
 AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")]
 Full = Annotated[bool, typer.Option("--full", help="every check, not only those that failed")]
@@ -31,6 +32,18 @@ def refuse(given: Mapping[str, object], why: str) -> None:
     """
     if wrong := [option for option, value in given.items() if value is not None]:
         raise typer.BadParameter(why, param_hint=wrong[0])
+
+
+def listed(text: str) -> tuple[str, ...]:
+    """Return the words between commas, each once.
+
+    Raises:
+        OptiPlanError: one is empty.
+    """
+    found = tuple(dict.fromkeys(word.strip() for word in text.split(",")))
+    if "" in found:
+        raise OptiPlanError(f"found an empty name in '{text}'; expected names with one comma between two")
+    return found
 
 
 def numbers(text: str) -> list[float]:

@@ -14,6 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from optiplan.api.checking import choose, placed
+from optiplan.cli.options import listed
 from optiplan.cli.output import Exit, handling, messages, results, saved, show_result, stdout_is_ours, tell_interrupted
 from optiplan.cli.progress import ProgressLine
 from optiplan.errors import InputError, Issue
@@ -38,12 +39,11 @@ def several(requested: str | None) -> tuple[str, ...]:
     """Return the planners of `--planner` to compare: `all`, or names separated by commas; () for a single one.
 
     Raises:
-        UnknownChoiceError: no such planner.
+        OptiPlanError: no such planner.
     """
     if requested is None or (requested != ALL and "," not in requested):
         return ()
-    names = tuple(PLANNERS) if requested == ALL else tuple(dict.fromkeys(name.strip() for name in requested.split(",")))
-    return tuple(planner_entry(name).name for name in names)
+    return tuple(planner_entry(name).name for name in (PLANNERS if requested == ALL else listed(requested)))
 
 
 def run_all(

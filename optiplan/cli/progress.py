@@ -14,6 +14,8 @@ QUIET = 2.0
 """Seconds before anything is shown: short work needs no running commentary."""
 EVERY = 0.1
 """Seconds between two changes of the line."""
+SILENT = 1.0
+"""Seconds without a report after which the line goes on by itself."""
 
 
 class ProgressLog(logging.Handler):
@@ -60,10 +62,13 @@ class ProgressLine:
         self._began = self._shown = time.perf_counter()
         self._visible = False
         self._wanted = sys.stderr.isatty()
-        self._best = ""
+        self._stage, self._fraction, self._best = "", 0.0, ""
+        self._ended = threading.Event()
+        self._ticker = threading.Thread(target=self._tick, name="progress", daemon=True)
 
     def __call__(self, stage: str, fraction: float) -> None:
         """Report the stage and its fraction done (0 to 1); cheap enough for an inner loop."""
+        self._stage, self._fraction = stage, fraction
         now = time.perf_counter()
         if not self._wanted or now - self._began < QUIET or now - self._shown < EVERY:
             return
@@ -81,11 +86,22 @@ class ProgressLine:
         seconds = time.perf_counter() - self._began
         self._best = f"  best {trajectory.duration:.3f} s (found after {seconds:.2f} s{gap})"
 
+    def _tick(self) -> None:
+        """Go on with the seconds of a stage that does not report."""
+        while not self._ended.wait(SILENT):
+            if self._stage and time.perf_counter() - self._shown > SILENT:
+                self(self._stage, self._fraction)
+
     def __enter__(self) -> "ProgressLine":
+        if self._wanted:
+            self._ticker.start()
         return self
 
     def __exit__(self, *error: object) -> None:
         """Wipe the line."""
+        if self._wanted:
+            self._ended.set()
+            self._ticker.join()
         if self._visible:
             sys.stderr.write("\r\x1b[K")
             sys.stderr.flush()

@@ -8,6 +8,7 @@ import pytest
 
 from optiplan.cli import progress
 from optiplan.cli.progress import KeptAnswer, ProgressLine
+from tests.waiting import wait_until
 
 
 class Terminal(io.StringIO):
@@ -41,6 +42,16 @@ def test_long_work_says_stage_and_fraction_and_cleans_up(clock, monkeypatch):
         clock.seconds += 1.0
         line("verify", 0.0)
     assert sys.stderr.getvalue() == "\r\x1b[K  2.1 s  optimise  50%\r\x1b[K  3.1 s  verify\r\x1b[K"
+
+
+def test_a_stage_that_does_not_report_is_shown_all_the_same(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    monkeypatch.setattr(progress, "QUIET", 0.0)
+    monkeypatch.setattr(progress, "SILENT", 0.01)
+    with ProgressLine() as line:
+        line("writing", 0.0)  # at once, which is too soon for the line
+        wait_until(lambda: "writing" in sys.stderr.getvalue())
+    assert sys.stderr.getvalue().endswith("\r\x1b[K")
 
 
 def test_the_line_tells_the_best_motion_its_time_and_its_gap_to_the_bound(clock, monkeypatch):

@@ -6,6 +6,7 @@ import typer
 
 from optiplan.cli.options import AsJson, Frame, Group, RobotName, numbers
 from optiplan.cli.output import print_json, results, stdout_is_ours
+from optiplan.config.messages import choices
 from optiplan.errors import OptiPlanError
 
 LARGEST = 1e6
@@ -92,5 +93,5 @@ def _per_joint(option: str, text: str, joints: tuple[str, ...], names: tuple[str
         return values
     found = f"{len(values)} numbers" if sound else f"'{text}'"
     expected = f"{len(joints)} numbers up to {LARGEST:g} with commas between them, for {', '.join(joints)}"
-    choices = f"; or one of: {', '.join(names)}" if names else ""
-    raise OptiPlanError(f"--{option}: found {found}; expected {expected}{choices}")
+    named = f"; or {choices(text.strip(), names)}" if names else ""
+    raise OptiPlanError(f"--{option}: found {found}; expected {expected}{named}")

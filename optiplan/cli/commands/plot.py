@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from optiplan.cli.options import AsJson, refuse
+from optiplan.cli.options import AsJson, listed, refuse
 from optiplan.cli.output import messages, print_json, say, stdout_is_ours
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def plot(
         for words in left_out:
             messages().print(f"note: {words}", style="yellow", markup=False, soft_wrap=True)
         drawn = comparable(found) if places or FIGURES.keys() & names else ()
-        chosen = None if joints is None else tuple(joints.split(","))
+        chosen = None if joints is None else listed(joints)
         options = PlotOptions(chosen, share, PlotOptions.frames if frames is None else frames, look)
         if to_folder:
             written = write_all(names, asked or ["png"], drawn, options, out)
@@ -106,12 +106,12 @@ def _chosen(kind: str, text: str, valid: tuple[str, ...]) -> list[str]:
     """The words between commas, each once.
 
     Raises:
-        UnknownChoiceError: one that is not valid.
+        OptiPlanError: one that is not valid.
     """
     from optiplan.errors import UnknownChoiceError
 
-    words = list(dict.fromkeys(word.strip() for word in text.split(",")))
-    for word in words:
+    chosen = listed(text)
+    for word in chosen:
         if word not in valid:
             raise UnknownChoiceError(kind, word, valid)
-    return words
+    return list(chosen)

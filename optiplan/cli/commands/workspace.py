@@ -102,6 +102,7 @@ def workspace(
     with stdout_is_ours(), ProgressLine() as progress:
         for name in names:
             began = time.perf_counter()
+            progress(f"loading {name}", 0.0)
             one = study(
                 name,
                 samples=samples or WorkspaceOptions.samples,

@@ -167,7 +167,7 @@ def test_outside_the_limits_is_said(optiplan, optiplan_json):
     [
         (("ur5", "--at", "1,2"), "--at: found 2 numbers; expected 6 numbers up to 1e+06 with commas between them"),
         (("ur5", "--at", "nose"), "found 'nose'; expected 6 numbers"),
-        (("ur5", "--at", "nose"), "or one of: ready, up"),
+        (("ur5", "--at", "redy"), "or one of: ready, up (did you mean 'ready'?)"),
         (("ur5", "--at", "1,2,3,4,5,nan"), "found '1,2,3,4,5,nan'"),
         (("ur5", "--at", " "), "found ' '"),
         (("ur5", "--at", ""), "an empty value after --at"),

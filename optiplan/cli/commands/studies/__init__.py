@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from optiplan.cli.output import saved, say, show_result
+from optiplan.cli.progress import ProgressLine
 from optiplan.errors import InputError
 
 
@@ -18,7 +19,11 @@ def shown(
 ) -> int:
     """Save a result in `out`, where that is given, and print it with the files written; return the exit code."""
     unsaved: list[InputError] = []
-    files = [] if out is None else saved(lambda: save(out), unsaved)
+    files: list[str] = []
+    if out is not None:
+        with ProgressLine() as progress:
+            progress("writing", 0.0)
+            files = saved(lambda: save(out), unsaved)
 
     def told() -> None:
         show()
