@@ -162,14 +162,17 @@ def progress_argument(function: str, value: object, expected: str = "a function 
         raise wrong_argument(function, "progress", described(value), expected)
 
 
-def whole_argument(function: str, argument: str, value: object, least: int, expected: str = "") -> None:
-    """Require a whole number of Python's, at least `least`.
+def whole_argument(
+    function: str, argument: str, value: object, least: int, expected: str = "", *, most: int | None = None
+) -> None:
+    """Require a whole number of Python's, from `least` to `most`.
 
     Raises:
         InputError: another value; `expected` is in place of the usual words.
     """
-    if isinstance(value, bool) or not isinstance(value, int) or value < least:
-        raise wrong_argument(function, argument, described(value), expected or f"a whole number >= {least}")
+    if isinstance(value, bool) or not isinstance(value, int) or value < least or (most is not None and value > most):
+        usual = f"a whole number {f'>= {least}' if most is None else f'from {least} to {most}'}"
+        raise wrong_argument(function, argument, described(value), expected or usual)
 
 
 def options_argument(function: str, value: object) -> None:

@@ -115,10 +115,8 @@ def plan_batch(  # noqa: PLR0913  # what a caller may say of a batch
     if planner is not None and not isinstance(planner, str):
         raise wrong_argument("plan_batch", "planner", described(planner), "the name of a planner, or `module:Class`")
     if seeds is not None:
-        whole_argument("plan_batch", "seeds", seeds, 1, "a whole number >= 1")
-    whole_argument("plan_batch", "rate", rate, 1, hertz := f"a whole number of Hz from 1 to {MOST_RATE}")
-    if rate > MOST_RATE:
-        raise wrong_argument("plan_batch", "rate", described(rate), hertz)
+        whole_argument("plan_batch", "seeds", seeds, 1)
+    whole_argument("plan_batch", "rate", rate, 1, f"a whole number of Hz from 1 to {MOST_RATE}", most=MOST_RATE)
     flag_argument("plan_batch", "lerobot", lerobot)
     if workers is not None and not is_dask_client(workers):
         expected = "a whole number >= 1, or a Dask client (distributed.Client)"

@@ -11,6 +11,7 @@ from optiplan.errors import (
     described,
     flag_argument,
     path_argument,
+    whole_argument,
     writing,
     wrong_argument,
 )
@@ -78,7 +79,8 @@ def plot(
     name = figure or usual(style, len(runs))[0]
     drawn = comparable([_plotted(run) for run in runs], "op.plot") if runs or name in FIGURES else ()
     flag_argument("plot", "share", share)
-    options = PlotOptions(_names(joints), share, _count(frames), style)
+    whole_argument("plot", "frames", frames, 0, most=1000)
+    options = PlotOptions(_names(joints), share, frames, style)
     try:
         if path is not None:
             with writing("plot", path, "out"):
@@ -105,9 +107,3 @@ def _names(joints: Any) -> tuple[str, ...] | None:
     if isinstance(joints, str) or not isinstance(joints, Sequence) or not all(isinstance(j, str) for j in joints):
         raise wrong_argument("plot", "joints", described(joints), "names of joints")
     return tuple(joints) or None
-
-
-def _count(frames: Any) -> int:
-    if isinstance(frames, bool) or not isinstance(frames, int) or not 0 <= frames <= 1000:
-        raise wrong_argument("plot", "frames", described(frames), "a whole number from 0 to 1000")
-    return frames

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import TracebackType
 
 from optiplan.api.loading import load_run
-from optiplan.errors import described, flag_argument, wrong_argument
+from optiplan.errors import described, flag_argument, whole_argument, wrong_argument
 from optiplan.runs.run import Run
 from optiplan.viewer.drawing.page_server import DrawnPageServer
 from optiplan.viewer.page import render_page
@@ -85,9 +85,9 @@ def view(*runs: Run | Path | str, block: bool = True, port: int = FIRST_PORT, me
     for run in runs:
         if not isinstance(run, Run | Path | str):
             raise wrong_argument("view", "runs", described(run), "a run of op.plan(…), or the folder of one")
-    _check_port("port", port)
+    whole_argument("view", "port", port, 0, most=65535)
     if meshcat_port is not None:
-        _check_port("meshcat_port", meshcat_port)
+        whole_argument("view", "meshcat_port", meshcat_port, 0, most=65535)
     flag_argument("view", "block", block)
     shown = [run if isinstance(run, Run) else load_run(run) for run in runs]
     problem = shown[0].problem
@@ -105,11 +105,6 @@ def view(*runs: Run | Path | str, block: bool = True, port: int = FIRST_PORT, me
     if block:
         _wait(served)
     return served
-
-
-def _check_port(name: str, port: object) -> None:
-    if isinstance(port, bool) or not isinstance(port, int) or not 0 <= port <= 65535:
-        raise wrong_argument("view", name, described(port), "a whole number from 0 to 65535")
 
 
 def _wait(served: View) -> None:

@@ -16,7 +16,14 @@ from optiplan.robot.robot import Robot
 from optiplan.runs.run_folder import check_folder
 from optiplan.viewer.workspaces.export import save_workspaces
 from optiplan.workspace.accuracy import joint_resolution
-from optiplan.workspace.sampling import Workspace, WorkspaceOptions, robot_with_meshes, study_workspace
+from optiplan.workspace.sampling import (
+    MOST,
+    MOST_VOXELS,
+    Workspace,
+    WorkspaceOptions,
+    robot_with_meshes,
+    study_workspace,
+)
 
 
 def workspace(  # noqa: PLR0913  # one keyword for each option of the command
@@ -71,14 +78,10 @@ def workspace(  # noqa: PLR0913  # one keyword for each option of the command
         Workspace: planar2r, reach 1.102 m, 7.3% of the voxels covered, 100.0% free
     """
     folder = None if out is None else path_argument("workspace", "out", out, "the path of a folder")
-    counts = (
-        ("samples", samples, 1),
-        ("grid", 2 if grid is None else grid, 2),
-        ("voxels", voxels, 2),
-        ("seed", seed, 0),
-    )
-    for name, value, least in counts:
-        whole_argument("workspace", name, value, least)
+    whole_argument("workspace", "samples", samples, 1, most=MOST)
+    whole_argument("workspace", "grid", 2 if grid is None else grid, 2, most=MOST)
+    whole_argument("workspace", "voxels", voxels, 2, most=MOST_VOXELS)
+    whole_argument("workspace", "seed", seed, 0)
     text_argument("workspace", "group", group, "the name of a group of joints")
     text_argument("workspace", "frame", frame, "the name of a link or fixed frame")
     flag_argument("workspace", "collision", collision)

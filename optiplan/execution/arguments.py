@@ -16,6 +16,9 @@ SAME_STATE = 1e-8
 LONGEST_TICK = 0.1
 """s: after a longer one the robot had no set-points for too long, and stops."""
 
+LONGEST_COAST = 1e6
+"""s: beyond it the time of a law has no digits left for ticks of a millisecond."""
+
 ROUNDED = 1e-9
 """s by which the longest tick may be longer: the difference of two times of a loop at 10 Hz."""
 

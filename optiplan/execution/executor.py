@@ -290,14 +290,15 @@ class Executor(LawFollower):
         Nothing takes over or turns meanwhile: the robot would not know.
 
         Raises:
-            InputError: the duration is no number, or below 0.
+            InputError: the duration is no number from 0 to `LONGEST_COAST`.
         """
-        duration = number_argument("Executor.coast", "duration", duration, "seconds >= 0", 0.0)
+        expected = f"seconds >= 0 and <= {arguments.LONGEST_COAST:g}"
+        duration = number_argument("Executor.coast", "duration", duration, expected, 0.0, most=arguments.LONGEST_COAST)
         end, events, self._turned = self.time + duration, tuple[Segment, ...](), None
         if self._detour is not None:
             self._detour.drop()
         while self.time < end:
-            now, self.time = self.time, min(end, self.time + arguments.LONGEST_TICK)
+            now, self.time = self.time, end if self._rests else min(end, self.time + arguments.LONGEST_TICK)
             self._note_way(self.time)
             point = self._point()
             place = self._stretch.place(point.place.s)

@@ -39,6 +39,8 @@ from optiplan.trajectory.trajectory import Trajectory
 
 PATIENCE = 30.0
 """s that a server has to answer what takes no planning, and beyond the budget what does."""
+LONGEST = 1e6
+"""s that an answer is waited for: no server takes a longer deadline or budget, and says so."""
 AWAY = (0, 429, 502, 503, 504)
 """Statuses of a server, or of a proxy before it, that may answer soon; 0: none answers."""
 
@@ -108,7 +110,8 @@ class Client:
         asked = _problem(problem)
         given = self._submission(asked, planner, options, budget, seed, deadline, warm_start)
         given |= {"rate": 0}
-        answer = self._sent("POST", "/api/plan", given, (given["deadline"] or given["budget"]) + PATIENCE)
+        seconds = min(given["deadline"] or given["budget"], LONGEST) + PATIENCE
+        answer = self._sent("POST", "/api/plan", given, seconds)
         return self._run(asked, answer, waited=True)
 
     def submit(

@@ -23,7 +23,7 @@ from optiplan.workspace.voxels import Coverage, VoxelMap, ring_coverage, voxelis
 
 CHUNK = 2000
 """Configurations a chunk: each chunk has its own generator, so that the number of processes changes nothing."""
-MOST = 50_000_000
+MOST, MOST_VOXELS = 50_000_000, 100
 RINGS = 20
 """Rings a radius in `Workspace.rings`."""
 

@@ -49,6 +49,15 @@ def random_asks(seed, rate=0.01, until=2500):
     return asks
 
 
+def test_coasting_at_rest_takes_no_time(run_of):
+    """A machine may have slept for days; the robot stood at the end of its motion."""
+    executor = op.Executor(run_of("01_reach"))
+    executor.coast(1e6)
+    tick = executor.tick(DT)
+    assert (tick.status.phase, executor.time) == ("done", 1e6 + DT)
+    np.testing.assert_allclose(tick.q, executor.run.trajectory.end, atol=1e-12)
+
+
 @pytest.mark.parametrize("name", ["01_reach", "02_shelf", "11_baxter", "15_srra", "16_delbot", "22_via_spline"])
 def test_random_changes_keep_every_limit(run_of, name):
     run = run_of(name)

@@ -45,10 +45,10 @@ def test_a_plan_of_a_server_is_a_run(client, quick):
 
 
 def test_a_motion_whose_record_cannot_be_kept_is_a_run_all_the_same(client, quick, server, monkeypatch):
-    def full():
-        raise StorageFullError("the disk is full")
+    def full(_):
+        raise StorageFullError("the disk became full while it was planned")
 
-    monkeypatch.setattr(server.service.archive.contents, "check_room", full)
+    monkeypatch.setattr(server.service.archive.contents, "put", full)
     run = client.plan(quick, seed=55)
     assert run.verified
     assert (run.planner, run.problem.seed) == ("quintic", 55)
@@ -131,6 +131,9 @@ def test_errors_say_what_is_wrong(client, quick, server):
         client.status("0" * 32)
     with pytest.raises(ServerError, match="there is no run"):
         list(client.watch("0" * 32))
+    for endless in ({"budget": 1e300}, {"budget": 1.0, "deadline": 1e300}):
+        with pytest.raises((op.InputError, ServerError), match=r"at most 300 s|a number ≤"):
+            client.plan(quick, **endless)
     with pytest.raises(op.InputError, match="an address such as"):
         op.Client("127.0.0.1")
     with pytest.raises(ServerError, match="no server answers at"):

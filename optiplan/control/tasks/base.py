@@ -11,7 +11,7 @@ from optiplan.arrays import Array
 from optiplan.control.arguments import checked_number, checked_vector, frame_index
 from optiplan.control.configuration import Configuration
 from optiplan.control.tasks.tool_abilities import Ability, default_gain, tool_abilities
-from optiplan.errors import described, wrong_argument
+from optiplan.errors import whole_argument
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.state import State
 
@@ -45,8 +45,7 @@ class ControlTask(ABC):
         self.size = size
         self.gain = gain
         self.cost = cost
-        if isinstance(priority, bool) or not isinstance(priority, int) or priority < 0:
-            raise wrong_argument(type(self).__name__, "priority", described(priority), "a whole number >= 0")
+        whole_argument(type(self).__name__, "priority", priority, 0)
         self.priority = priority
 
     @property

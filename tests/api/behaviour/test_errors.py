@@ -72,6 +72,8 @@ CASES = {
     "no file": (lambda p: op.verify(p, "nowhere.json"), "nowhere.json", "a run folder or file"),
     "waypoints": (lambda p: op.retime(p, [[0, 0, 0]]), "op.retime: waypoints", r"\(k, 2\)"),
     "waypoint by name": (lambda p: op.retime(p, [{j: 0.1 for j in p.robot.joint_names}]), "waypoints", "k >= 2"),
+    "voxels": (lambda p: op.workspace(p.robot, voxels=10**400), "op.workspace: voxels", "from 2 to 100"),
+    "configurations": (lambda p: op.workspace(p.robot, samples=10**400), "workspace: samples", "from 1 to 50000000"),
     "flag": (lambda p: op.ik(p.robot, np.eye(4), all=np.array([True, False])), "op.ik: all", "True or False"),
     "waypoints limits": (
         lambda p: op.retime(p, [[0, 0], [0, 99]]),
@@ -174,6 +176,7 @@ def test_a_wrong_argument_is_named(problem, name):
 
 MOTION_CASES = {
     "coast for ever": (lambda run: op.Executor(run).coast(np.inf), "op.Executor.coast: duration", ">= 0"),
+    "coast for ages": (lambda run: op.Executor(run).coast(1e300), "op.Executor.coast: duration", r"<= 1e\+06"),
     "engine of arrays": (lambda run: op.execute(run, engine=np.zeros(2)), "op.execute: engine", "one of"),
     "driver of arrays": (lambda run: op.driver("sim", run, engine=np.zeros(2)), "op.driver: engine", "one of"),
     "time": (lambda run: run.trajectory("x"), "Trajectory: t", "times"),
