@@ -106,7 +106,8 @@ def searching(problem: op.Problem, budget: float, exact: float) -> TourSearch:
     stage = Stages(problem).at(WorldState(problem.start, problem.scene), step, step.action.joints)
     planner = make_planner("trajopt", {})
     quiet = lambda *_: None  # noqa: E731
-    return TourSearch(stage.problem, step.action, stage.model, planner, Budget(budget), quiet, quiet, exact=exact)
+    time = Budget(budget)
+    return TourSearch(stage.problem, step.action, stage.model, planner, time, quiet, quiet, time, exact=exact)
 
 
 def joint_distances(problem: op.Problem) -> float | None:

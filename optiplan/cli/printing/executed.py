@@ -27,7 +27,7 @@ def show_execution(console: Console, done: Mapping[str, Any]) -> None:
     table.add_row(
         "set-points",
         f"late by {1e3 * late['rms']:.3g} ms RMS, {1e3 * late['p99']:.3g} ms at 99 %, {1e3 * late['max']:.3g} ms at "
-        f"most; {done['missed']} left out",
+        f"most; {done['missed']} not sent, since the ones before them took their time",
     )
     if report.get("slipped"):
         table.add_row("simulation", f"{report['slipped']:.3g} s slower than real time")

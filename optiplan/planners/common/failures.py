@@ -73,8 +73,18 @@ def _heavy(kind: FailureKind, gravity: Gravity, Q: Array, where: str) -> Failure
     return Failure(kind, detail, {"q": Q[k].tolist(), "joint": name, "torque": torque})
 
 
-def out_of_time(budget: Budget, doing: str) -> Failure:
-    """Return the failure for a budget that ended, or a cancellation, while `doing` something."""
+def out_of_time(budget: Budget, doing: str, earlier: Failure | None = None) -> Failure:
+    """Return the failure for a budget that ended, or a cancellation, while `doing` something.
+
+    `earlier` is the first reason for which the search went on until then.
+    """
     if budget.cancelled:
-        return Failure("cancelled", f"cancelled while {doing}")
-    return Failure("budget", f"the budget of {budget.seconds:.3g} s ended while {doing}")
+        return with_reason(Failure("cancelled", f"cancelled while {doing}"), earlier)
+    return with_reason(Failure("budget", f"the budget of {budget.seconds:.3g} s ended while {doing}"), earlier)
+
+
+def with_reason(late: Failure, earlier: Failure | None) -> Failure:
+    """Return a failure; one for lack of time with the reason for which the search went on, and its witness."""
+    if earlier is None or late.kind not in ("budget", "cancelled"):
+        return late
+    return Failure(late.kind, f"{late.detail}; before that: {earlier.detail}", {**earlier.witness, **late.witness})

@@ -9,7 +9,7 @@ from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure, Planner, Progress
 from optiplan.planners.common.continuous_collision import first_contact
-from optiplan.planners.common.failures import out_of_time
+from optiplan.planners.common.failures import out_of_time, with_reason
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.common.limit_violations import Excess
 from optiplan.planners.common.tolerances import NO_MOTION
@@ -119,13 +119,13 @@ class SeamSearch:
             self.progress("choosing the posture along the path", k / _TRIES)
             posture = ladder.climb(self.budget)
             if isinstance(posture, Failure):
-                return failure or posture if posture.kind not in ("budget", "cancelled") else posture
+                return with_reason(posture, failure) if posture.kind in ("budget", "cancelled") else failure or posture
             self.info["postures"] = k + 1
             found = self._follow(tool, posture)
             if not isinstance(found, Failure):
                 return found
             if found.kind in ("budget", "cancelled"):
-                return found
+                return with_reason(found, failure)
             failure = failure or found
             if found.kind == "limits" or "path" not in found.witness:
                 break
@@ -138,7 +138,7 @@ class SeamSearch:
         for anchor in _ANCHORS:
             along = self._along(tool, posture, anchor)
             if self.budget.over:
-                return out_of_time(self.budget, "smoothing the posture along a path")
+                return out_of_time(self.budget, "smoothing the posture along a path", failure)
             if isinstance(along, Failure):
                 failure = failure or along
                 continue

@@ -16,7 +16,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure, Planner, Progress
-from optiplan.planners.common.failures import out_of_time
+from optiplan.planners.common.failures import out_of_time, with_reason
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.tours.exact import best_tour, work_of
@@ -106,6 +106,7 @@ class TourSearch:
         exact: pairs of configurations up to which the best order is found by comparing all.
         rounds: done so far.
         failure: of the last tour whose legs could not all be planned, or are late.
+        earlier: the first such failure but for lack of time.
         settling: rounds of dynamic programming in which straight motions that are not free are left, at most.
     """
 
@@ -121,6 +122,7 @@ class TourSearch:
     exact: float = EXACT
     rounds: int = 0
     failure: Failure | None = None
+    earlier: Failure | None = None
     info: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -162,7 +164,8 @@ class TourSearch:
             gained = self.best is not None and self.best.seconds < before * (1.0 - _NO_GAIN)
             stale = 0 if gained and self.tour.free else stale + 1
         self.info |= {"legs_planned": self.legs.planned, "cut_short": self._time.over}
-        return self.best or self.failure or out_of_time(self._time, "looking for a tour")
+        late = self.failure or out_of_time(self._time, "looking for a tour")
+        return self.best or with_reason(late, self.earlier)
 
     def first(self, layers: Sequence[Layer]) -> Choice | Failure:
         """Return a tour in a first order."""
@@ -323,14 +326,15 @@ class TourSearch:
 
     def _planned(self, choice: Choice) -> bool:
         """Plan the legs of a tour, and record what they take; return whether one takes longer than it counted."""
-        surprised, time = False, self.longest if self.best is None else self.budget
+        surprised, self._stopped = False, False
         for targets, numbers, a, b in self._ways(choice):
-            motion = self.legs.motion(numbers, a, b, time)
+            motion = self.legs.motion(numbers, a, b, self._time)
             if isinstance(motion, Failure):
                 self.failure = replace(motion, detail=f"{self._words(targets)}: {motion.detail}")
                 self._stopped = motion.kind in ("budget", "cancelled")
                 if self._stopped:
                     return True
+                self.earlier = self.earlier or self.failure
             seconds = np.inf if isinstance(motion, Failure) else 0.0 if motion is None else motion.duration
             thought = self.ladder.known.of(targets).get(numbers)
             counted = float(self.ladder.times.along(np.array([a, b]))[0]) if thought is None else thought
@@ -354,6 +358,7 @@ class TourSearch:
                     f"'{name}' is reached at {arrival:.4g} s of the tour, after its window, which ends at {high:g} s"
                 )
                 self.failure = Failure("no-path", words)
+                self.earlier = self.earlier or self.failure
                 return
             if arrival < low:
                 names = self.problem.robot.joint_names

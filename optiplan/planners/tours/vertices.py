@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array, Index
 from optiplan.collision.native_model import planning_model
+from optiplan.config.messages import some
 from optiplan.kinematics.ik.closed_form import closed_form
 from optiplan.kinematics.ik.joint_wraps import images_within
 from optiplan.kinematics.ik.numeric import random_seeds
@@ -84,7 +85,9 @@ class Vertices:
         """Return the first configurations of every target, or a failure that names all targets without any."""
         found = self.candidates(turns, budget)
         if budget.over:
-            return out_of_time(budget, "looking for configurations at the targets")
+            without = some([self.tour.targets[k].name for k in range(len(found)) if not len(found[k])])
+            words = f"; none yet at {without}" if without else ""
+            return out_of_time(budget, f"looking for configurations at the targets{words}")
         refused: dict[int, GoalSet] = {}
         for k in range(len(found)):
             if not len(found[k]):

@@ -8,7 +8,7 @@ import pytest
 
 import optiplan as op
 from optiplan.collision.model import CollisionModel
-from optiplan.planners.base import Budget, silent
+from optiplan.planners.base import Budget, Failure, silent
 from optiplan.planners.registry import make_planner
 from optiplan.planners.seams.posture_ladder import rounded_down
 from optiplan.planners.seams.seam_search import FoundSeam, SeamSearch
@@ -110,6 +110,16 @@ def test_a_path_whose_share_is_over_has_the_time_that_the_task_has_left(glue):
     own, planner = derived(glue.problem, task=()), make_planner("trajopt", {})
     found = SeamSearch(own, path, model, planner, Budget(60.0), Budget(0.0), silent).run()
     assert isinstance(found, FoundSeam), found
+
+
+def test_the_end_of_the_time_does_not_hide_what_took_it(glue, monkeypatch):
+    path, model = glue.problem.task[0].action, CollisionModel(glue.problem.robot, glue.problem.scene)
+    touch = Failure("collision", "the arm touches 'wall'", {"path": 0.1, "q": glue.problem.start.tolist()})
+    tries = iter([touch, Failure("budget", "the budget of 60 s ended")])
+    monkeypatch.setattr(SeamSearch, "_follow", lambda *_: next(tries))
+    found = SeamSearch(derived(glue.problem, task=()), path, model, None, Budget(60.0), Budget(60.0), silent).run()
+    assert (found.kind, found.witness) == ("budget", touch.witness)
+    assert found.detail == "the budget of 60 s ended; before that: the arm touches 'wall'"
 
 
 def test_a_speed_beyond_the_arm_names_the_step_and_a_joint():

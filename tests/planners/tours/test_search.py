@@ -11,7 +11,7 @@ import pytest
 
 import optiplan as op
 from optiplan.collision.native_model import planning_model
-from optiplan.planners.base import Budget
+from optiplan.planners.base import Budget, Failure
 from optiplan.planners.registry import make_planner
 from optiplan.planners.tours import search
 from optiplan.planners.tours.legs import TourLegs
@@ -180,6 +180,18 @@ def test_a_tour_whose_share_is_over_has_the_whole_time_for_a_first_one(problem):
     found = search.TourSearch(own, tour, model, planner, Budget(0.0), Told(), told.append, Budget(60.0)).run()
     assert isinstance(found, search.FoundTour), found
     assert len(told) == 1
+
+
+def test_the_end_of_the_time_does_not_hide_what_took_it(problem, monkeypatch):
+    tour, model = problem.task[0].action, planning_model(problem.robot, problem.scene)
+    legs = iter([Failure("collision", "the arm touches 'wall'")])
+    late = Failure("budget", "the budget of 60 s ended")
+    monkeypatch.setattr(TourLegs, "motion", lambda *_: next(legs, late))
+    own, planner, told = derived(problem, task=()), make_planner("trajopt", {}), Told()
+    found = search.TourSearch(own, tour, model, planner, Budget(60.0), told, told, Budget(60.0)).run()
+    assert found.kind == "budget"
+    assert "the budget of 60 s ended; before that: from the start to 'hole " in found.detail
+    assert found.detail.endswith("': the arm touches 'wall'")
 
 
 def test_a_leg_without_time_left_is_told_as_that(problem):
