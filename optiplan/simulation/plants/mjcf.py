@@ -7,13 +7,11 @@ robot.
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import coal
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.convex import pieces_of, soup_of
 from optiplan.geometry.scene import Scene
@@ -21,18 +19,12 @@ from optiplan.robot.mimic_joints import coupling, screws
 from optiplan.robot.robot import Robot
 from optiplan.robot.urdf.elements import number_words
 from optiplan.simulation.plants.base import NOMINAL, PlantOptions
-
-if TYPE_CHECKING:
-    from optiplan.simulation.plants.mecanum_wheels import MecanumWheels
-    from optiplan.simulation.plants.mjcf_objects import TaskObjects
+from optiplan.simulation.plants.mecanum_wheels import MecanumWheels
+from optiplan.simulation.plants.mjcf_bodies import inertial_of, pose_of
+from optiplan.simulation.plants.mjcf_objects import TaskObjects
 
 SEPARATOR = "#"
 """Stands between the name of a body (link, held object, obstacle) and the number of its geom."""
-
-_LEAST = 1e-12
-"""kg·m² and kg of a body without mass, such as the sliding parts that stand for a mobile base."""
-
-_ROUNDING = 1e-9  # share of a moment of inertia
 
 _REACH = 100.0  # m; half the side of what stands for a half-space in pictures; MuJoCo's planes are endless
 
@@ -42,8 +34,8 @@ def mjcf(
     scene: Scene,
     step: float,
     options: PlantOptions = NOMINAL,
-    objects: "TaskObjects | None" = None,
-    wheels: "MecanumWheels | None" = None,
+    objects: TaskObjects | None = None,
+    wheels: MecanumWheels | None = None,
 ) -> str:
     """The MJCF text of a robot in a scene.
 
@@ -117,37 +109,6 @@ def _joints(robot: Robot, world: ET.Element, options: PlantOptions) -> list[ET.E
     return nodes
 
 
-def inertial_of(node: ET.Element, inertia: pin.Inertia) -> None:
-    """Mass, centre and inertia about it; MuJoCo wants some of each of every body that moves."""
-    if inertia.mass <= 0.0:
-        ET.SubElement(node, "inertial", pos="0 0 0", mass=repr(_LEAST), diaginertia=number_words([_LEAST] * 3))
-        return
-    moments = physical(np.array(inertia.inertia))
-    full = moments[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-    ET.SubElement(
-        node,
-        "inertial",
-        pos=number_words(inertia.lever),
-        mass=repr(float(inertia.mass)),
-        fullinertia=number_words(full),
-    )
-
-
-def physical(inertia: Array) -> Array:
-    """The inertia (3, 3) itself where a body can have it, else the nearest larger one that a body can have.
-
-    The principal moments A <= B <= C of any body obey A > 0 and A + B >= C, on which MuJoCo insists. Published ones do
-    not always (those of the PUMA 560's third link do not): what is missing is then added to A and B in equal parts.
-    """
-    moments, axes = np.linalg.eigh(inertia)
-    raised = np.maximum(moments, _LEAST)
-    missing = raised[2] * (1.0 + _ROUNDING) - raised[0] - raised[1]
-    if (raised == moments).all() and missing <= 0.0:
-        return inertia
-    raised[:2] += 0.5 * max(missing, 0.0)
-    return np.asarray(axes @ np.diag(raised) @ axes.T)
-
-
 def _geoms(
     collision: CollisionModel, nodes: Sequence[ET.Element], assets: ET.Element, free: Mapping[str, ET.Element]
 ) -> list[list[str]]:
@@ -205,9 +166,3 @@ def _followers(robot: Robot, equality: ET.Element) -> None:
         k = robot.joint_names.index(mimic.source)
         polynomial = number_words([b[row], A[row, k], 0.0, 0.0, 0.0])
         ET.SubElement(equality, "joint", joint1=name, joint2=mimic.source, polycoef=polynomial, solref="0.001 1")
-
-
-def pose_of(X: pin.SE3) -> dict[str, str]:
-    """Return the attributes of a pose."""
-    x, y, z, w = pin.Quaternion(X.rotation).normalized().coeffs()
-    return {"pos": number_words(X.translation), "quat": number_words([w, x, y, z])}

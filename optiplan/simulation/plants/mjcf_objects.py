@@ -18,7 +18,7 @@ from optiplan.problem.task.steps import Attach
 from optiplan.records import dataclass
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
-from optiplan.simulation.plants.mjcf import inertial_of, pose_of
+from optiplan.simulation.plants.mjcf_bodies import inertial_of, pose_of
 from optiplan.simulation.plants.task_plant import FRICTION, FrictionGrip, objects_of
 from optiplan.simulation.tasks.stages import TaskStage
 from optiplan.trajectory.trajectory import Trajectory

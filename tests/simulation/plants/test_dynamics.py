@@ -12,7 +12,8 @@ from optiplan.robot.robot import load_robot
 from optiplan.simulation.plants.base import NOMINAL, Friction, Payload, PlantOptions
 from optiplan.simulation.plants.dynamics import RigidBodyDynamics, check_inertias
 from optiplan.simulation.plants.ideal import IdealPlant
-from optiplan.simulation.plants.mjcf import mjcf, physical
+from optiplan.simulation.plants.mjcf import mjcf
+from optiplan.simulation.plants.mjcf_bodies import physical
 from optiplan.simulation.plants.rigid_body import RigidBodyPlant
 
 mujoco = pytest.importorskip("mujoco")
