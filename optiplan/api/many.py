@@ -2,9 +2,10 @@
 
 import pickle
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
+from queue import SimpleQueue
 from typing import Any
 
 from optiplan.api.planning import BUDGET, checked_problem, positive_seconds
@@ -177,17 +178,18 @@ def _ordered(
 ) -> Generator[Run, None, None]:
     """Yield the runs in order."""
     names = {future: one.problem.name for future, one in zip(futures, requests, strict=True)}
-    pending = set(futures)
+    arrived, done = SimpleQueue[Future[Run]](), set[Future[Run]]()
+    for future in futures:
+        future.add_done_callback(arrived.put)
     try:
         for request, future in zip(requests, futures, strict=True):
-            while future in pending:
-                done, pending = wait(pending, return_when=FIRST_COMPLETED)
-                for k, one in enumerate(done, 1):
-                    if progress is not None:
-                        progress(names[one], (len(futures) - len(pending) - len(done) + k) / len(futures))
+            while future not in done:
+                done.add(one := arrived.get())
+                if progress is not None:
+                    progress(names[one], len(done) / len(futures))
             yield replace(_answer(future, request), problem=request.problem)
     finally:
-        for future in pending:
+        for future in set(futures) - done:
             future.cancel()
 
 
