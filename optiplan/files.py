@@ -86,6 +86,16 @@ def is_file(path: Path) -> bool:
     return not hindrance(path)
 
 
+def is_folder(path: Path | str) -> bool:
+    """Whether there is a folder; `Path.is_dir` raises for names that are too long."""
+    return os.path.isdir(path)
+
+
+def folder_of(path: Path) -> Path:
+    """Return a path if it is a folder, else the folder it lies in."""
+    return path if is_folder(path) else path.parent
+
+
 def hindrance(path: Path) -> str:
     """Return why `read_bytes` would not open a file, in words; empty where it would."""
     try:

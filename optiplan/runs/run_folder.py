@@ -1,7 +1,6 @@
 """The run folder: `run.json` and `trajectory.json`, written atomically."""
 
 import json
-import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
@@ -11,7 +10,7 @@ from typing import Any, Protocol
 from pydantic_core import to_json
 
 from optiplan.errors import InputError, Issue
-from optiplan.files import read_bytes, write_together
+from optiplan.files import folder_of, read_bytes, write_together
 from optiplan.records import dataclass
 from optiplan.runs.record_kinds import check_record
 from optiplan.trajectory.given_files import SAMPLES, GivenFiles
@@ -58,7 +57,7 @@ class StoredRun:
     @property
     def record_file(self) -> Path:
         """The path of the `run.json`."""
-        return (self.place if self.place.is_dir() else self.place.parent) / RUN
+        return folder_of(self.place) / RUN
 
 
 def save_run(run: Saved, folder: Path, beside: Mapping[str, bytes] | None = None, older: Iterable[str] = ()) -> None:
@@ -140,9 +139,8 @@ def load_run(place: Path | str, joint_names: Sequence[str] | None = None) -> Sto
         InputError: there is no run, or a file of it is broken.
     """
     place = Path(place)
-    is_folder = os.path.isdir(place)  # which raises nothing, however long the name is
-    folder = place if is_folder else place.parent
-    if is_folder or place.name == RUN:
+    folder = folder_of(place)
+    if folder is place or place.name == RUN:
         record = _read_record(folder / RUN)
         trajectory = folder / TRAJECTORY
         if record.get("failure") is None or trajectory.exists():
