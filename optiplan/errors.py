@@ -225,6 +225,15 @@ class InputError(OptiPlanError):
 
 
 @contextmanager
+def errors_about(file: str, name: str) -> Iterator[None]:
+    """Let issues about that pseudo file be about `name`, which is what the caller knows."""
+    try:
+        yield
+    except InputError as error:
+        raise error.about(file, name) from None
+
+
+@contextmanager
 def words_of_call(call: str, words: Mapping[str, str]) -> Iterator[None]:
     """Let an error name a Python call, and its arguments in place of the options of the command line.
 

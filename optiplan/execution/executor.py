@@ -292,9 +292,7 @@ class Executor(LawFollower):
         Raises:
             InputError: the duration is no number from 0 to `LONGEST_COAST`.
         """
-        expected = f"seconds >= 0 and <= {arguments.LONGEST_COAST:g}"
-        duration = number_argument("Executor.coast", "duration", duration, expected, 0.0, most=arguments.LONGEST_COAST)
-        end, events, self._turned = self.time + duration, tuple[Segment, ...](), None
+        end, events, self._turned = self.time + arguments.coasted(duration), tuple[Segment, ...](), None
         if self._detour is not None:
             self._detour.drop()
         while (now := self.time) < end:
