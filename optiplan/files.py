@@ -20,6 +20,7 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
+from optiplan.errors import os_reason
 from optiplan.records import dataclass
 
 MOST = 256 * 2**20
@@ -103,7 +104,7 @@ def hindrance(path: Path) -> str:
     except FileNotFoundError:
         return f"there is no file {path}"
     except OSError as error:
-        return f"{path}: {(error.strerror or str(error)).lower()}"
+        return f"{path}: {os_reason(error)}"
     return ""
 
 

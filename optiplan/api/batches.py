@@ -110,8 +110,7 @@ def plan_batch(  # noqa: PLR0913  # what a caller may say of a batch
     """
     progress_argument("plan_batch", progress)
     options_argument("plan_batch", options)
-    target = path_argument("plan_batch", "out", out, "the path of a folder")
-    check_folder(target)
+    check_folder(target := path_argument("plan_batch", "out", out, "the path of a folder"))
     if planner is not None and not isinstance(planner, str):
         raise wrong_argument("plan_batch", "planner", described(planner), "the name of a planner, or `module:Class`")
     if seeds is not None:

@@ -96,7 +96,7 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
     for argument, given in (("locked", locked), ("limits", limits)):
         if given is not None and not isinstance(given, Mapping):
             raise wrong_argument("init_robot", argument, described(given), "values by name, such as {'name': 0.1}")
-    if not isinstance(allow_pairs, str) and not _are_pairs(allow_pairs):
+    if not (allow_pairs == TOUCHING if isinstance(allow_pairs, str) else _are_pairs(allow_pairs)):
         expected = f"'{TOUCHING}', or pairs of links such as [('link_4', 'link_6')]"
         raise wrong_argument("init_robot", "allow_pairs", described(allow_pairs), expected)
     if not isinstance(group, Sequence) or isinstance(group, str) or not all(isinstance(joint, str) for joint in group):
@@ -109,9 +109,6 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
     with words_of_call("op.init_robot", _WORDS):
         refuse_files(folder, replace_files)
     pairs = () if isinstance(allow_pairs, str) else tuple(link_pair(*pair) for pair in allow_pairs)
-    if isinstance(allow_pairs, str) and allow_pairs != TOUCHING:
-        expected = f"'{TOUCHING}', or pairs of links such as [('link_4', 'link_6')]"
-        raise wrong_argument("init_robot", "allow_pairs", described(allow_pairs), expected)
     choices = Choices(tuple(group), tool_frame, tuple((locked or {}).items()), checked, pairs)
     told("reading the robot", 0.0)
     read = describe(path)

@@ -133,9 +133,7 @@ def _requests(problems: Any, planner: str | None, options: Mapping[str, Any] | N
         try:
             make_planner(planner, options or {})
         except UnknownChoiceError as error:
-            argument = "planner" if error.kind == "planner" else "options"
-            found, expected = f"'{error.found}'", f"one of: {', '.join(error.choices)}"
-            raise wrong_argument("plan_many", argument, found, expected) from None
+            raise error.of_argument("plan_many", "planner" if error.kind == "planner" else "options") from None
     return [_Request(problem, *chosen(problem, planner, options), seconds) for problem in given]
 
 

@@ -14,15 +14,7 @@ import typer
 
 from optiplan.cli.completion import planner_names, problem_names
 from optiplan.cli.options import AsJson, Full, refuse
-from optiplan.cli.output import (
-    Exit,
-    interruptible,
-    messages,
-    results,
-    saved,
-    show_result,
-    stdout_is_ours,
-)
+from optiplan.cli.output import Exit, interruptible, messages, results, saved, show_result, stdout_is_ours
 from optiplan.cli.progress import KeptAnswer
 from optiplan.errors import InputError, errors_about
 from optiplan.problem.examples import find_problem
