@@ -30,6 +30,11 @@ def plain_reason(error: BaseException) -> str:
     return text.strip() or type(error).__name__
 
 
+def os_reason(error: OSError) -> str:
+    """Return why the system refused something, in its words for a sentence."""
+    return (error.strerror or str(error)).lower()
+
+
 def named_reason(error: BaseException) -> str:
     """Return an exception's class and message in one line."""
     text = " ".join(str(error).split())
@@ -42,8 +47,12 @@ class UnknownChoiceError(OptiPlanError):
     def __init__(self, kind: str, found: str, choices: Iterable[str]) -> None:
         self.kind, self.found, self.choices = kind, found, tuple(sorted(choices))
         near = get_close_matches(str(found), [choice.partition(" (")[0] for choice in self.choices], n=1)
-        hint = f" (did you mean '{near[0]}'?)" if near else ""
-        super().__init__(f"unknown {kind} '{found}'; choose from: {', '.join(self.choices)}{hint}")
+        self._listed = ", ".join(self.choices) + (f" (did you mean '{near[0]}'?)" if near else "")
+        super().__init__(f"unknown {kind} '{found}'; choose from: {self._listed}")
+
+    def of_argument(self, function: str, argument: str) -> "InputError":
+        """Return the error about an argument of a function of the front door."""
+        return wrong_argument(function, argument, f"'{self.found}'", f"one of: {self._listed}")
 
     def __reduce__(self) -> tuple[type["UnknownChoiceError"], tuple[str, str, tuple[str, ...]]]:
         """How to pickle it, for processes that hand it back."""
@@ -202,7 +211,7 @@ def writing(function: str, path: Path | str, argument: str = "path") -> Iterator
     try:
         yield
     except OSError as error:
-        found = f"{str(path)!r} ({(error.strerror or str(error)).lower()})"
+        found = f"{str(path)!r} ({os_reason(error)})"
         raise wrong_argument(function, argument, found, "a file that can be written") from None
 
 
@@ -222,6 +231,15 @@ class InputError(OptiPlanError):
         return type(self)(
             replace(issue, file=name) if Path(issue.file).name == file else issue for issue in self.issues
         )
+
+
+@contextmanager
+def errors_about(file: str, name: str) -> Iterator[None]:
+    """Let issues about that pseudo file be about `name`, which is what the caller knows."""
+    try:
+        yield
+    except InputError as error:
+        raise error.about(file, name) from None
 
 
 @contextmanager

@@ -20,6 +20,7 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
+from optiplan.errors import os_reason
 from optiplan.records import dataclass
 
 MOST = 256 * 2**20
@@ -86,6 +87,16 @@ def is_file(path: Path) -> bool:
     return not hindrance(path)
 
 
+def is_folder(path: Path | str) -> bool:
+    """Whether there is a folder; `Path.is_dir` raises for names that are too long."""
+    return os.path.isdir(path)
+
+
+def folder_of(path: Path) -> Path:
+    """Return a path if it is a folder, else the folder it lies in."""
+    return path if is_folder(path) else path.parent
+
+
 def hindrance(path: Path) -> str:
     """Return why `read_bytes` would not open a file, in words; empty where it would."""
     try:
@@ -93,7 +104,7 @@ def hindrance(path: Path) -> str:
     except FileNotFoundError:
         return f"there is no file {path}"
     except OSError as error:
-        return f"{path}: {(error.strerror or str(error)).lower()}"
+        return f"{path}: {os_reason(error)}"
     return ""
 
 

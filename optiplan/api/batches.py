@@ -1,6 +1,5 @@
 """`plan_batch`: folders of thousands of problem files, resumable, into Parquet and LeRobot data sets."""
 
-import os
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
@@ -20,6 +19,7 @@ from optiplan.errors import (
     whole_argument,
     wrong_argument,
 )
+from optiplan.files import is_folder
 from optiplan.planners.base import Progress
 from optiplan.planners.registry import make_planner
 from optiplan.records import dataclass
@@ -110,8 +110,7 @@ def plan_batch(  # noqa: PLR0913  # what a caller may say of a batch
     """
     progress_argument("plan_batch", progress)
     options_argument("plan_batch", options)
-    target = path_argument("plan_batch", "out", out, "the path of a folder")
-    check_folder(target)
+    check_folder(target := path_argument("plan_batch", "out", out, "the path of a folder"))
     if planner is not None and not isinstance(planner, str):
         raise wrong_argument("plan_batch", "planner", described(planner), "the name of a planner, or `module:Class`")
     if seeds is not None:
@@ -180,11 +179,10 @@ def _files(problems: Any) -> tuple[Path, list[str]]:
     """The folder that file names are relative to, and the names in order."""
     if isinstance(problems, str | Path):
         root = Path(problems)
-        is_folder = os.path.isdir(root)  # which raises nothing, however long the name is
-        files = chain(root.rglob("*.yaml"), root.rglob("*.yml")) if is_folder else ()
+        files = chain(root.rglob("*.yaml"), root.rglob("*.yml")) if is_folder(root) else ()
         found = sorted(path for path in files if path.name != "robot.yaml")
         if not found:
-            told = "a folder without any *.yaml" if is_folder else "no folder"
+            told = "a folder without any *.yaml" if is_folder(root) else "no folder"
             raise InputError([Issue(str(root), None, "problems", told, "a folder with problem files")])
         return root.resolve(), [str(path.relative_to(root)) for path in found]
     if not isinstance(problems, Sequence) or not all(isinstance(path, str | Path) for path in problems) or not problems:

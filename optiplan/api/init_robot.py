@@ -1,6 +1,5 @@
 """`init_robot`: from a URDF or a robot of another program to a robot.yaml and the pairs that need no check."""
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -26,6 +25,7 @@ from optiplan.errors import (
     words_of_call,
     wrong_argument,
 )
+from optiplan.files import folder_of
 from optiplan.importers.robots.describe import describe
 from optiplan.planners.base import Progress, silent
 from optiplan.robot.limits import DEFAULTS, joint_units
@@ -87,7 +87,7 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
           joints: joint_1, joint_2, joint_3, joint_4, joint_5, joint_6
     """
     path = path_argument("init_robot", "urdf", urdf, "the path of a URDF")
-    folder = home_of(path) if out is None else path_argument("init_robot", "out", out, "the path of a folder")
+    folder = folder_of(path) if out is None else path_argument("init_robot", "out", out, "the path of a folder")
     text_argument("init_robot", "name", name, "the name of the robot")
     text_argument("init_robot", "tool_frame", tool_frame, "the name of a link or fixed frame")
     flag_argument("init_robot", "replace_files", replace_files)
@@ -96,7 +96,7 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
     for argument, given in (("locked", locked), ("limits", limits)):
         if given is not None and not isinstance(given, Mapping):
             raise wrong_argument("init_robot", argument, described(given), "values by name, such as {'name': 0.1}")
-    if not isinstance(allow_pairs, str) and not _are_pairs(allow_pairs):
+    if not (allow_pairs == TOUCHING if isinstance(allow_pairs, str) else _are_pairs(allow_pairs)):
         expected = f"'{TOUCHING}', or pairs of links such as [('link_4', 'link_6')]"
         raise wrong_argument("init_robot", "allow_pairs", described(allow_pairs), expected)
     if not isinstance(group, Sequence) or isinstance(group, str) or not all(isinstance(joint, str) for joint in group):
@@ -109,9 +109,6 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
     with words_of_call("op.init_robot", _WORDS):
         refuse_files(folder, replace_files)
     pairs = () if isinstance(allow_pairs, str) else tuple(link_pair(*pair) for pair in allow_pairs)
-    if isinstance(allow_pairs, str) and allow_pairs != TOUCHING:
-        expected = f"'{TOUCHING}', or pairs of links such as [('link_4', 'link_6')]"
-        raise wrong_argument("init_robot", "allow_pairs", described(allow_pairs), expected)
     choices = Choices(tuple(group), tool_frame, tuple((locked or {}).items()), checked, pairs)
     told("reading the robot", 0.0)
     read = describe(path)
@@ -128,11 +125,6 @@ def _are_pairs(value: object) -> bool:
     return isinstance(value, Sequence) and all(
         isinstance(pair, Sequence) and len(pair) == 2 and all(isinstance(name, str) for name in pair) for pair in value
     )
-
-
-def home_of(source: Path) -> Path:
-    """Return the folder for the files of a robot where none is given: that of its source."""
-    return source if os.path.isdir(source) else source.parent
 
 
 def checked_limit(key: str, value: float) -> tuple[str, float]:

@@ -12,7 +12,7 @@ from optiplan.api.loading import load_robot
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import collision_model
 from optiplan.config.messages import choices
-from optiplan.errors import InputError, described, flag_argument, whole_argument, wrong_argument
+from optiplan.errors import InputError, described, errors_about, flag_argument, whole_argument, wrong_argument
 from optiplan.geometry.pose import Pose, Values
 from optiplan.geometry.poses import pose_from_data, pose_from_matrix
 from optiplan.geometry.scene import Obstacle, Scene
@@ -106,14 +106,13 @@ def _pose(pose: Any) -> pin.SE3:
     if isinstance(pose, pin.SE3):
         pose = pose.homogeneous
     try:
-        if isinstance(pose, Pose | Mapping):
-            return pose_from_data((pose if isinstance(pose, Pose) else Pose(**pose)).to_data())
-        matrix = np.asarray(pose, dtype=np.float64)
-        if matrix.shape == (4, 4):
-            return pose_from_matrix(matrix.ravel().tolist())
-        found = described(matrix)
-    except InputError as error:
-        raise error.about("op.Pose", "op.ik") from None
+        with errors_about("op.Pose", "op.ik"):
+            if isinstance(pose, Pose | Mapping):
+                return pose_from_data((pose if isinstance(pose, Pose) else Pose(**pose)).to_data())
+            matrix = np.asarray(pose, dtype=np.float64)
+            if matrix.shape == (4, 4):
+                return pose_from_matrix(matrix.ravel().tolist())
+            found = described(matrix)
     except (TypeError, ValueError, OverflowError) as error:
         found = f"{described(pose)}: {error}"
     raise wrong_argument("ik", "pose", found, "op.Pose(position, rpy=…), a matrix (4, 4), or pinocchio.SE3")

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from optiplan.arrays import number_argument
-from optiplan.config.messages import choices
 from optiplan.errors import UnknownChoiceError, described, wrong_argument
 from optiplan.problem import load
 from optiplan.problem.examples import find_problem
@@ -89,8 +88,7 @@ def load_robot(source: Path | str, *, group: str | None = None, locked: Mapping[
         return robot.load_robot(str(source), locked=locked, group=group)
     except UnknownChoiceError as error:
         argument = "group" if error.kind == "group" else "source" if error.kind == "robot" else "locked"
-        expected = choices(error.found, error.choices)
-        raise wrong_argument("load_robot", argument, f"'{error.found}'", expected) from None
+        raise error.of_argument("load_robot", argument) from None
 
 
 def load_run(folder: Path | str) -> Run:

@@ -2,9 +2,10 @@
 
 import pickle
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
+from queue import SimpleQueue
 from typing import Any
 
 from optiplan.api.planning import BUDGET, checked_problem, positive_seconds
@@ -132,9 +133,7 @@ def _requests(problems: Any, planner: str | None, options: Mapping[str, Any] | N
         try:
             make_planner(planner, options or {})
         except UnknownChoiceError as error:
-            argument = "planner" if error.kind == "planner" else "options"
-            found, expected = f"'{error.found}'", f"one of: {', '.join(error.choices)}"
-            raise wrong_argument("plan_many", argument, found, expected) from None
+            raise error.of_argument("plan_many", "planner" if error.kind == "planner" else "options") from None
     return [_Request(problem, *chosen(problem, planner, options), seconds) for problem in given]
 
 
@@ -177,17 +176,18 @@ def _ordered(
 ) -> Generator[Run, None, None]:
     """Yield the runs in order."""
     names = {future: one.problem.name for future, one in zip(futures, requests, strict=True)}
-    pending = set(futures)
+    arrived, done = SimpleQueue[Future[Run]](), set[Future[Run]]()
+    for future in futures:
+        future.add_done_callback(arrived.put)
     try:
         for request, future in zip(requests, futures, strict=True):
-            while future in pending:
-                done, pending = wait(pending, return_when=FIRST_COMPLETED)
-                for k, one in enumerate(done, 1):
-                    if progress is not None:
-                        progress(names[one], (len(futures) - len(pending) - len(done) + k) / len(futures))
+            while future not in done:
+                done.add(one := arrived.get())
+                if progress is not None:
+                    progress(names[one], len(done) / len(futures))
             yield replace(_answer(future, request), problem=request.problem)
     finally:
-        for future in pending:
+        for future in set(futures) - done:
             future.cancel()
 
 

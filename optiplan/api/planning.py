@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from optiplan.arrays import Array, number_argument
-from optiplan.config.messages import choices
 from optiplan.errors import (
     InputError,
     Issue,
@@ -110,7 +109,7 @@ def plan(  # noqa: PLR0913  # one keyword for each thing that may differ from th
         argument = {"planner": "planner", "option": "options"}.get(error.kind.partition(" ")[0])
         if argument is None:
             raise
-        raise wrong_argument("plan", argument, f"'{error.found}'", choices(error.found, error.choices)) from None
+        raise error.of_argument("plan", argument) from None
 
 
 def plan_within(problem: Problem, budget: Budget) -> Run:

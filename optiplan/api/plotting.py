@@ -88,7 +88,7 @@ def plot(
         drawn_figure: Figure = draw(name, drawn, options)
         return drawn_figure
     except UnknownChoiceError as error:
-        raise wrong_argument("plot", "joints", f"'{error.found}'", f"one of: {', '.join(error.choices)}") from None
+        raise error.of_argument("plot", "joints") from None
 
 
 def _plotted(run: Any) -> PlottedRun:

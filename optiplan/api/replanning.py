@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from optiplan.api.planning import BUDGET, checked_problem, plan
-from optiplan.errors import InputError, described, options_argument, wrong_argument
+from optiplan.errors import described, errors_about, options_argument, wrong_argument
 from optiplan.geometry.pose import Values
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.planners.base import Budget, Planner
@@ -75,12 +75,10 @@ class Replanner:
         """
         changes = {"start": start, "goal": goal, "scene": scene}
         changes = {part: value for part, value in changes.items() if value is not None}
-        try:
+        with errors_about("op.Problem", _CALLED), errors_about("op.plan", _CALLED):
             self.problem = self.problem.with_parts(**changes) if changes else self.problem
             asked = Problem.of({**vars(self.problem), "wished_clearance": 0.0})
             run = plan(asked, self._planner, self._options, budget, warm_start=self.run)
-        except InputError as error:  # names what was called, not what that calls
-            raise error.about("op.Problem", _CALLED).about("op.plan", _CALLED) from None
         self.run = run if run.verified else self.run
         return run
 

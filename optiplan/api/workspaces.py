@@ -4,16 +4,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from optiplan.arrays import number_argument
-from optiplan.errors import (
-    described,
-    flag_argument,
-    path_argument,
-    text_argument,
-    whole_argument,
-    wrong_argument,
-)
+from optiplan.errors import described, flag_argument, text_argument, whole_argument, wrong_argument
 from optiplan.robot.robot import Robot
-from optiplan.runs.run_folder import check_folder
+from optiplan.runs.run_folder import folder_argument
 from optiplan.viewer.workspaces.export import save_workspaces
 from optiplan.workspace.accuracy import joint_resolution
 from optiplan.workspace.sampling import (
@@ -77,7 +70,7 @@ def workspace(  # noqa: PLR0913  # one keyword for each option of the command
         >>> op.workspace("planar2r", samples=2000)
         Workspace: planar2r, reach 1.102 m, 7.3% of the voxels covered, 100.0% free
     """
-    folder = None if out is None else path_argument("workspace", "out", out, "the path of a folder")
+    folder = folder_argument("workspace", out)
     whole_argument("workspace", "samples", samples, 1, most=MOST)
     whole_argument("workspace", "grid", 2 if grid is None else grid, 2, most=MOST)
     whole_argument("workspace", "voxels", voxels, 2, most=MOST_VOXELS)
@@ -99,8 +92,6 @@ def workspace(  # noqa: PLR0913  # one keyword for each option of the command
         raise wrong_argument(
             "workspace", "robot", described(robot), "op.load_robot(…), a name of op.robots() or a path"
         )
-    if folder is not None:
-        check_folder(folder)
     arm = robot if isinstance(robot, Robot) else robot_with_meshes(str(robot), group)
     arm = arm if frame is None else arm.with_tool(frame)
     steps = None if resolution is None else joint_resolution(arm, resolution)

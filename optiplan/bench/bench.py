@@ -20,6 +20,7 @@ from optiplan.errors import (
     flag_argument,
     path_argument,
     progress_argument,
+    whole_argument,
     words_of_call,
     wrong_argument,
 )
@@ -158,8 +159,8 @@ def scratch_folder(suite: Path, out: Path | None) -> Path:
 
 def _check_workers(workers: Any, dask: Any, pin: bool) -> None:
     """Raise an error where these do not go together."""
-    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
-        raise wrong_argument("bench", "workers", described(workers), "a whole number >= 1")
+    if workers is not None:
+        whole_argument("bench", "workers", workers, 1)
     if dask is not None and not isinstance(dask, str):
         raise wrong_argument(
             "bench", "dask", described(dask), "the address of a scheduler, such as 'tcp://10.0.0.1:8786'"

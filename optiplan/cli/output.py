@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from rich.console import Console
 
-from optiplan.errors import InputError, Issue, OptiPlanError
+from optiplan.errors import InputError, Issue, OptiPlanError, os_reason
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -91,7 +91,7 @@ def report_error(error: OptiPlanError, as_json: bool) -> None:
 def file_error(error: OSError) -> InputError:
     """Return the error about a file that a person named and that cannot be read or written."""
     expected = "a file, not a folder" if error.errno == errno.EISDIR else "one that can be read or written"
-    found = str(error.strerror or error).lower()
+    found = os_reason(error)
     return InputError([Issue(str(error.filename or "file"), None, "file", found, expected)])
 
 

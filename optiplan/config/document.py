@@ -19,15 +19,7 @@ from ruamel.yaml.events import CollectionEndEvent, CollectionStartEvent, StreamE
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from optiplan.config.messages import describe, field_name, mistaken, one_line, words_for
-from optiplan.config.simple_yaml import (
-    DEEPEST,
-    DIGITS,
-    LARGEST,
-    LONGEST,
-    Place,
-    libyaml_parser,
-    read_simple,
-)
+from optiplan.config.simple_yaml import DEEPEST, DIGITS, LARGEST, LONGEST, Place, libyaml_parser, read_simple
 from optiplan.errors import InputError, Issue
 from optiplan.files import read_bytes
 from optiplan.records import dataclass

@@ -106,8 +106,7 @@ def frame_index(owner: object, argument: str, robot: Robot, name: str) -> int:
     try:
         return robot.frame_id(name)
     except UnknownChoiceError as error:
-        expected = f"one of: {', '.join(error.choices)}"
-        raise wrong_argument(type(owner).__name__, argument, f"'{name}'", expected) from None
+        raise error.of_argument(type(owner).__name__, argument) from None
 
 
 def robot_with_masses(owner: object, robot: Robot) -> None:

@@ -23,6 +23,16 @@ ROUNDED = 1e-9
 """s by which the longest tick may be longer: the difference of two times of a loop at 10 Hz."""
 
 
+def coasted(duration: Any) -> float:
+    """Return a time to coast, s.
+
+    Raises:
+        InputError: it is no number from 0 to `LONGEST_COAST`.
+    """
+    expected = f"seconds >= 0 and <= {LONGEST_COAST:g}"
+    return number_argument("Executor.coast", "duration", duration, expected, 0.0, most=LONGEST_COAST)
+
+
 def is_share(value: Any) -> bool:
     """Whether a value is a number from 0 to 1."""
     return is_finite(value) and bool(0.0 <= value <= 1.0)

@@ -292,14 +292,14 @@ class Executor(LawFollower):
         Raises:
             InputError: the duration is no number from 0 to `LONGEST_COAST`.
         """
-        expected = f"seconds >= 0 and <= {arguments.LONGEST_COAST:g}"
-        duration = number_argument("Executor.coast", "duration", duration, expected, 0.0, most=arguments.LONGEST_COAST)
-        end, events, self._turned = self.time + duration, tuple[Segment, ...](), None
+        end, events, self._turned = self.time + arguments.coasted(duration), tuple[Segment, ...](), None
         if self._detour is not None:
             self._detour.drop()
-        while self.time < end:
-            now, self.time = self.time, end if self._rests else min(end, self.time + arguments.LONGEST_TICK)
-            self._note_way(self.time)
+        while (now := self.time) < end:
+            rests = self._rests
+            self.time = end if rests else min(end, now + arguments.LONGEST_TICK)
+            if not rests:
+                self._note_way(self.time)
             point = self._point()
             place = self._stretch.place(point.place.s)
             self._tracking.tick(None, now, self.time, point.q, place, on_path=self._detour is None)

@@ -13,7 +13,7 @@ from optiplan.config.document import Document, Number
 from optiplan.config.messages import choices, describe
 from optiplan.config.simple_yaml import Place
 from optiplan.config.values import FileName, Name, NamePair, Vector
-from optiplan.errors import InputError, Issue, UnknownChoiceError
+from optiplan.errors import InputError, Issue, UnknownChoiceError, os_reason
 from optiplan.files import hindrance
 from optiplan.geometry.file_shapes import FileShape
 from optiplan.geometry.meshes.reading import open_mesh
@@ -113,7 +113,7 @@ class Compiler:
             place = (error.kind,) if error.kind in ("robot", "group") else ("locked",)
             self.report(place, f"unknown {error.kind} '{error.found}'", choices(error.found, error.choices))
         except OSError as error:  # a name that no file can have
-            found = f"{describe(self._robot)} ({(error.strerror or str(error)).lower()})"
+            found = f"{describe(self._robot)} ({os_reason(error)})"
             self.report(("robot",), found, "a robot of `optiplan robots`, or the path of a robot.yaml")
         except InputError as error:
             self.issues.extend(map(self._relocated, error.issues))

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from optiplan.errors import InputError, Issue
+from optiplan.files import is_folder
 from optiplan.resources import problems_dir
 
 _ROBOT = "the description of a robot, which a robot file names (`urdf: …`) and a problem through it (`robot: …`)"
@@ -38,7 +39,7 @@ def find_problem(name: str) -> Path:
 def _found(path: Path) -> str:
     if os.path.isfile(path / _RUN_FILES[0]):
         return f"the folder of a run: {_RUN}"
-    if os.path.isdir(path):
+    if is_folder(path):
         return "is a folder"
     return "is no regular file" if os.path.exists(path) else "no such file"
 

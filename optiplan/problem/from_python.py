@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optiplan.config.document import Document, plain
-from optiplan.errors import InputError, described, wrong_argument
+from optiplan.errors import InputError, described, errors_about, wrong_argument
 from optiplan.files import reading
 from optiplan.geometry.scene import Scene
 from optiplan.problem import to_data
@@ -147,11 +147,8 @@ def read_data(data: Mapping[str, Any], robot: Robot | None = None) -> Mapping[st
         InputError: as for a file, about the arguments of `op.Problem`.
     """
     loader = load_robot if robot is None else _loader(robot)
-    try:
-        with reading(None):
-            return read_problem(Document(Path(NO_FILE), plain(data), {}), Path.cwd(), loader)
-    except InputError as error:
-        raise error.about(NO_FILE, "op.Problem") from None
+    with errors_about(NO_FILE, "op.Problem"), reading(None):
+        return read_problem(Document(Path(NO_FILE), plain(data), {}), Path.cwd(), loader)
 
 
 def _loader(robot: Robot) -> RobotLoader:

@@ -10,6 +10,7 @@ from typing import Any
 
 from optiplan.config.document import Document, read_yaml
 from optiplan.errors import UnknownChoiceError
+from optiplan.files import is_folder
 from optiplan.records import dataclass
 from optiplan.resources import robots_dir
 
@@ -60,7 +61,7 @@ def robot_file(ref: str, base: Path | None = None) -> Path:
     if ref in robot_names():
         return robots_dir() / ref / "robot.yaml"
     path = Path(base or ".") / ref
-    if os.path.isdir(path):  # which raises nothing, however long the name is
+    if is_folder(path):
         return path / "robot.yaml"
     if path.suffix not in (".yaml", ".yml") and not os.path.isfile(path):
         raise UnknownChoiceError("robot", ref, [*robot_names(), "a path to a robot.yaml"])

@@ -15,7 +15,7 @@ from optiplan.arrays import Array, is_finite, read_only
 from optiplan.cache import MostRecent
 from optiplan.config.document import plain
 from optiplan.config.messages import choices
-from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError, described, path_argument, wrong_argument
+from optiplan.errors import OptiPlanError, UnknownChoiceError, described, errors_about, path_argument, wrong_argument
 from optiplan.files import reading
 from optiplan.geometry.pose import Pose, Values
 from optiplan.records import dataclass
@@ -108,10 +108,8 @@ class Robot(RobotParts):
         file = path_argument("Robot.from_urdf", "path", path, "the path of a URDF")
         given = {"tool_frame": tool_frame, **keys}
         description = {"urdf": str(file), **{key: value for key, value in given.items() if value is not None}}
-        try:
+        with errors_about(DESCRIPTION, "op.Robot.from_urdf"):
             return load_robot(plain(description))
-        except InputError as error:
-            raise error.about(DESCRIPTION, "op.Robot.from_urdf") from None
 
     @classmethod
     def side_by_side(cls, robots: Mapping[str, Any], **keys: Any) -> "Robot":

@@ -22,7 +22,7 @@ from optiplan.config.document import Document, Strict, plain, validate
 from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
 from optiplan.config.values import FileName, FileVersion, Name
-from optiplan.errors import InputError, Issue, UnknownChoiceError, described, wrong_argument
+from optiplan.errors import InputError, Issue, UnknownChoiceError, described, errors_about, os_reason, wrong_argument
 from optiplan.geometry.pose import Pose, PoseSpec, place_data
 from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.robot.limits import Limits
@@ -94,11 +94,11 @@ def load_arms(robots: Any, keys: Mapping[str, Any], load: "Callable[..., Robot]"
     if unknown := [key for key in keys if key not in ("group", "locked")]:
         raise wrong_argument(function, unknown[0], "an argument that there is not", "`group` or `locked`")
     try:
-        return load({ROBOTS: {str(name): _arm_data(str(name), arm, function) for name, arm in robots.items()}}, **keys)
+        with errors_about(DESCRIPTION, f"op.{function}"):
+            arms = {str(name): _arm_data(str(name), arm, function) for name, arm in robots.items()}
+            return load({ROBOTS: arms}, **keys)
     except UnknownChoiceError as error:
-        raise wrong_argument(function, error.kind, f"'{error.found}'", choices(error.found, error.choices)) from None
-    except InputError as error:
-        raise error.about(DESCRIPTION, f"op.{function}") from None
+        raise error.of_argument(function, error.kind) from None
 
 
 def _arm_data(name: str, arm: Any, function: str) -> dict[str, Any]:
@@ -224,7 +224,7 @@ def _about(document: Document, name: str, made: Callable[[], T]) -> T:
         found = f"unknown {error.kind} '{error.found}'"
         raise InputError([document.issue(place, found, choices(error.found, error.choices))]) from None
     except OSError as error:  # a name that no file can have
-        found = (error.strerror or str(error)).lower()
+        found = os_reason(error)
         raise InputError([document.issue(place, found, "the name or the path of a robot")]) from None
     except InputError as error:
         raise InputError([_placed(document, name, issue) for issue in error.issues]) from None

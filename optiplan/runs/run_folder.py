@@ -1,17 +1,16 @@
 """The run folder: `run.json` and `trajectory.json`, written atomically."""
 
 import json
-import os
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
 from pydantic_core import to_json
 
-from optiplan.errors import InputError, Issue
-from optiplan.files import read_bytes, write_together
+from optiplan.errors import InputError, Issue, os_reason, path_argument
+from optiplan.files import folder_of, read_bytes, write_together
 from optiplan.records import dataclass
 from optiplan.runs.record_kinds import check_record
 from optiplan.trajectory.given_files import SAMPLES, GivenFiles
@@ -58,7 +57,7 @@ class StoredRun:
     @property
     def record_file(self) -> Path:
         """The path of the `run.json`."""
-        return (self.place if self.place.is_dir() else self.place.parent) / RUN
+        return folder_of(self.place) / RUN
 
 
 def save_run(run: Saved, folder: Path, beside: Mapping[str, bytes] | None = None, older: Iterable[str] = ()) -> None:
@@ -96,6 +95,18 @@ def motion_file(run: Saved, rate: float | None = RATE) -> dict[str, bytes]:
     return {TRAJECTORY: to_json(data, inf_nan_mode="null") + b"\n"}
 
 
+def folder_argument(function: str, out: object, check: Callable[[Path], object] | None = None) -> Path | None:
+    """Return the folder in which a result is to be written, checked before it is made; None where none is given.
+
+    Raises:
+        InputError: it is no path, or cannot be written.
+    """
+    folder = None if out is None else path_argument(function, "out", out, "the path of a folder")
+    if folder is not None:
+        (check or check_folder)(folder)
+    return folder
+
+
 def check_folder(folder: Path) -> None:
     """Check by a trial write that a run can be saved in a folder; leaves nothing behind.
 
@@ -106,7 +117,7 @@ def check_folder(folder: Path) -> None:
     try:
         folder.exists()
     except OSError as error:  # such as a name that is too long
-        raise _cannot_write(folder, (error.strerror or str(error)).lower()) from None
+        raise _cannot_write(folder, os_reason(error)) from None
     while not (parent.exists() or parent.is_symlink()):
         parent = parent.parent
     found = None
@@ -117,7 +128,7 @@ def check_folder(folder: Path) -> None:
             with tempfile.TemporaryFile(dir=parent) as file:
                 file.write(b"optiplan")
         except OSError as error:
-            found = f"{parent} cannot be written ({(error.strerror or str(error)).lower()})"
+            found = f"{parent} cannot be written ({os_reason(error)})"
     for name in (RUN, TRAJECTORY):
         if (folder / name).is_dir():
             found = f"{folder / name} is a folder"
@@ -140,9 +151,8 @@ def load_run(place: Path | str, joint_names: Sequence[str] | None = None) -> Sto
         InputError: there is no run, or a file of it is broken.
     """
     place = Path(place)
-    is_folder = os.path.isdir(place)  # which raises nothing, however long the name is
-    folder = place if is_folder else place.parent
-    if is_folder or place.name == RUN:
+    folder = folder_of(place)
+    if folder is place or place.name == RUN:
         record = _read_record(folder / RUN)
         trajectory = folder / TRAJECTORY
         if record.get("failure") is None or trajectory.exists():
@@ -193,4 +203,4 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _unusable(path: Path, error: OSError, expected: str) -> InputError:
-    return InputError([Issue(str(path), None, "file", (error.strerror or str(error)).lower(), expected)])
+    return InputError([Issue(str(path), None, "file", os_reason(error), expected)])

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from optiplan.errors import InputError
+from optiplan.errors import errors_about
 from optiplan.planners.base import Failure
 from optiplan.problem.from_python import NO_FILE
 from optiplan.problem.load import problem_from_dict
@@ -32,10 +32,8 @@ def recorded_problem(record: Mapping[str, Any], file: Path | str) -> Problem:
     Raises:
         InputError: it cannot be read any more, as where the file of its robot is gone.
     """
-    try:
+    with errors_about(NO_FILE, str(file)):
         return problem_from_dict(record["problem"])
-    except InputError as error:
-        raise error.about(NO_FILE, str(file)) from None
 
 
 def run_of_record(

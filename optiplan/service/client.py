@@ -32,7 +32,7 @@ from optiplan.problem.problem import Problem
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import RUN, TRAJECTORY
 from optiplan.runs.stored_runs import run_of_record
-from optiplan.service.cell import EXECUTIONS, RESUME, RETRY, RemoteExecution, server_events
+from optiplan.service.cell import EXECUTIONS, RESUME, RETRY, CellError, RemoteExecution, server_events
 from optiplan.service.cell import PATIENCE as PROVING
 from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.trajectory import Trajectory
@@ -45,12 +45,8 @@ AWAY = (0, 429, 502, 503, 504)
 """Statuses of a server, or of a proxy before it, that may answer soon; 0: none answers."""
 
 
-class ServerError(OptiPlanError):
+class ServerError(CellError, OptiPlanError):
     """A server that cannot be reached, or refuses: `status` is that of HTTP, 0 where there is none."""
-
-    def __init__(self, status: int, detail: str) -> None:
-        super().__init__(detail)
-        self.status = status
 
 
 class Client:

@@ -70,9 +70,7 @@ def read_pieces(data: Any, file: str) -> Pieces:
     pieces = data.get("pieces") if isinstance(data, Mapping) else None
     if not isinstance(pieces, Mapping):
         raise InputError([Issue(file, None, "pieces", "nothing", "{breakpoints, coefficients}")])
-    names = data.get("joint_names")
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise InputError([Issue(file, None, "joint_names", f"{names!r:.120}", "a list of names")])
+    names = joint_names_in(data, file)
     breakpoints = json_array(pieces.get("breakpoints"), file, "pieces.breakpoints")
     coefficients = json_array(pieces.get("coefficients"), file, "pieces.coefficients")
     problem = defect(tuple(names), breakpoints, coefficients)
@@ -80,6 +78,18 @@ def read_pieces(data: Any, file: str) -> Pieces:
         field = problem.field if problem.field == "joint_names" else f"pieces.{problem.field}"
         raise InputError([Issue(file, None, field, problem.found, problem.expected)])
     return Pieces(tuple(names), breakpoints, coefficients)
+
+
+def joint_names_in(data: Mapping[str, Any], file: str, usual: list[str] | None = None) -> list[str]:
+    """Return the names of the joints in parsed JSON, or the usual ones where it has none.
+
+    Raises:
+        InputError: it is no list of names.
+    """
+    names = data.get("joint_names", usual)
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise InputError([Issue(file, None, "joint_names", f"{names!r:.120}", "a list of names")])
+    return names
 
 
 def json_array(value: Any, file: str, field: str) -> Array:

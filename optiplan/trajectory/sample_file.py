@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.errors import InputError, Issue
+from optiplan.errors import InputError, Issue, os_reason
 from optiplan.files import read_bytes
 from optiplan.records import dataclass
 from optiplan.trajectory.from_samples import from_samples, interpolation
-from optiplan.trajectory.pieces import json_array
+from optiplan.trajectory.pieces import joint_names_in, json_array
 from optiplan.trajectory.trajectory import Trajectory
 
 _KINDS = ("q", "v", "a")
@@ -69,7 +69,7 @@ def read_samples(path: Path, joint_names: Sequence[str] | None = None) -> Sample
     try:
         text = read_bytes(path).decode("utf-8-sig")
     except OSError as error:
-        found = (error.strerror or str(error)).lower()
+        found = os_reason(error)
         raise InputError([Issue(str(path), None, "file", found, "a file of samples")]) from error
     except ValueError as error:
         raise InputError([Issue(str(path), None, "file", "no UTF-8 text", "CSV or JSON")]) from error
@@ -87,9 +87,7 @@ def samples_from_dict(data: Any, file: str, joint_names: Sequence[str] | None = 
     """Samples of parsed JSON; arguments and errors as `read_samples`."""
     if not isinstance(data, Mapping) or data.get("t") is None or data.get("q") is None:
         raise InputError([Issue(file, None, "t, q", "nothing", "times t and positions q")])
-    names = data.get("joint_names", None if joint_names is None else list(joint_names))
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise InputError([Issue(file, None, "joint_names", f"{names!r:.120}", "a list of names")])
+    names = joint_names_in(data, file, None if joint_names is None else list(joint_names))
     given = {key: json_array(data[key], file, key) for key in ("t", *_KINDS) if data.get(key) is not None}
     return _ordered(Samples(tuple(names), **given, file=file), joint_names)
 

@@ -1,12 +1,15 @@
 """`plan_many`: order, progress, failures that end no other, workers that die, a Dask client."""
 
-from concurrent.futures import ProcessPoolExecutor
+import time
+from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from itertools import islice
 from multiprocessing import active_children
 
 import pytest
 
 import optiplan as op
+from optiplan.api import many
 from tests.waiting import wait_until
 
 HERE = "tests.api.unruly_planners"
@@ -71,6 +74,23 @@ def test_a_worker_that_dies_while_others_are_submitted_ends_it_loudly(problems, 
     monkeypatch.setattr("optiplan.api.many.ProcessPoolExecutor", Broken)
     with pytest.raises(op.OptiPlanError, match=r"^op.plan_many: a worker process died before 'planar' was planned"):
         list(op.plan_many(problems, "quintic", workers=1))
+
+
+def test_what_is_done_costs_the_same_however_many_wait(problems, monkeypatch):
+    """Each arrival looked at all futures that were left."""
+    requests = many._requests(problems[:1], None, None, 1.0) * 3000
+    futures = [Future() for _ in requests]
+    left = iter(futures)
+
+    def progress(name, fraction):
+        for future in islice(left, 1):
+            future.set_result(None)
+
+    monkeypatch.setattr(many, "replace", lambda run, **_: run)
+    progress("", 0.0)
+    began = time.process_time()
+    assert sum(1 for _ in many._ordered(requests, futures, progress)) == 3000
+    assert time.process_time() - began < 1.0
 
 
 def test_none_are_no_runs():

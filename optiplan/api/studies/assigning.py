@@ -6,9 +6,9 @@ from typing import Any
 
 from optiplan.api.checking import planner_issues
 from optiplan.api.planning import plan_within, positive_seconds
-from optiplan.errors import InputError, described, path_argument, progress_argument, wrong_argument
+from optiplan.errors import InputError, described, progress_argument, wrong_argument
 from optiplan.planners.base import Budget, Progress, silent
-from optiplan.runs.run_folder import check_folder
+from optiplan.runs.run_folder import folder_argument
 from optiplan.studies.assembly.measuring import Measured, measure_jobs
 from optiplan.studies.assembly.result import Assignment, Planned, job_times
 from optiplan.studies.assembly.schedule import Schedule, ScheduleSearch
@@ -65,9 +65,7 @@ def assign(
         expected = "the path of an assembly file, or a mapping of its keys"
         raise wrong_argument("assign", "source", described(source), expected)
     seconds = positive_seconds("assign", budget)
-    folder = None if out is None else path_argument("assign", "out", out, "the path of a folder")
-    if folder is not None:
-        check_folder(folder)
+    folder = folder_argument("assign", out)
     if not isinstance(source, Mapping) and (wrong := planner_issues(Path(source))):
         raise InputError(wrong)
     found = _AssignmentSearch(read_assembly(source), Budget(seconds), progress or silent).result()

@@ -7,8 +7,9 @@ from typing import Any
 
 from optiplan.api.planning import plan_within, positive_seconds
 from optiplan.api.studies.result_folder import ResultFolder
-from optiplan.errors import described, path_argument, progress_argument, wrong_argument
+from optiplan.errors import described, progress_argument, wrong_argument
 from optiplan.planners.base import Budget, Progress, silent
+from optiplan.runs.run_folder import folder_argument
 from optiplan.studies.measures import MEASURES, check_measures
 from optiplan.studies.proof import DesignProof, chosen_designs, prove_design
 from optiplan.studies.result import DesignResult
@@ -68,9 +69,7 @@ def design(
         expected = "the path of a study file, or a mapping of its keys"
         raise wrong_argument("design", "study", described(study), expected)
     allowed = None if budget is None else Budget(positive_seconds("design", budget))
-    folder = None if out is None else path_argument("design", "out", out, "the path of a folder")
-    if folder is not None:
-        RESULT.check(folder)
+    folder = folder_argument("design", out, RESULT.check)
     began = perf_counter()
     read = read_study(study, MEASURES)
     check_measures(read)

@@ -11,7 +11,7 @@ import numpy as np
 from optiplan.api.planning import plan, positive_seconds
 from optiplan.api.studies.result_folder import ResultFolder
 from optiplan.arrays import number_argument
-from optiplan.errors import InputError, described, path_argument, progress_argument, whole_argument, wrong_argument
+from optiplan.errors import InputError, described, progress_argument, whole_argument, wrong_argument
 from optiplan.geometry.poses import pose_to_data
 from optiplan.planners.base import Budget, Progress, silent
 from optiplan.planners.tours.placing import PlaceRange, PlaceScores, moved_base, search_places
@@ -23,6 +23,7 @@ from optiplan.records import dataclass
 from optiplan.robot.reference import several_robots
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.runs.run import Run
+from optiplan.runs.run_folder import folder_argument
 from optiplan.viewer.plots.place_map import draw_map, place_page
 
 BUDGET = 60.0
@@ -160,10 +161,9 @@ def place(
         raise wrong_argument("place", "robot", described(robot), expected)
     seconds = positive_seconds("place", budget)
     where = _checked(PlaceRange() if where is None else where)
-    folder = None if out is None else path_argument("place", "out", out, "the path of a folder")
+    folder = folder_argument("place", out, RESULT.check)
     if folder is not None:
         file_data(problem, "place")  # else `save` would refuse it once all is planned
-        RESULT.check(folder)
     _refuse_several(problem.robot, "problem")
     problem = problem if robot is None else _with_robot(problem, robot)
     _refuse_several(problem.robot, "robot")

@@ -11,7 +11,7 @@ from pathlib import Path
 from optiplan.bench.report.failures import Failed, Reason
 from optiplan.bench.results.database import Store
 from optiplan.bench.results.records import Key
-from optiplan.errors import InputError, Issue, OptiPlanError
+from optiplan.errors import InputError, Issue, OptiPlanError, errors_about
 from optiplan.planners.base import Progress
 from optiplan.problem.from_python import NO_FILE
 from optiplan.problem.load import problem_from_dict
@@ -35,10 +35,8 @@ def stored_views(store: Store, keys: Sequence[Key]) -> tuple[Problem, list[Viewe
         UnknownChoiceError: there is no such problem.
     """
     id_ = keys[0][0]
-    try:
+    with errors_about(NO_FILE, f"{store.folder}: {id_}"):
         problem = problem_from_dict(store.problem(id_).data)
-    except InputError as error:
-        raise error.about(NO_FILE, f"{store.folder}: {id_}") from None
     return problem, [_view(store, problem, key) for key in keys]
 
 

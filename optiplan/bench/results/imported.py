@@ -20,7 +20,7 @@ from optiplan.bench.execution.run_task import hash_and_pack, result_columns
 from optiplan.bench.results.database import Store
 from optiplan.bench.results.records import BenchPlanner, BenchTask, Outcome, Row, empty_row, failure
 from optiplan.config.messages import some
-from optiplan.errors import InputError, Issue, OptiPlanError
+from optiplan.errors import InputError, Issue, OptiPlanError, os_reason
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
 from optiplan.runs.metrics import measure
@@ -97,7 +97,7 @@ def _entries(file: Path) -> list[Entry]:
     try:
         data = json.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
-        what = (error.strerror or str(error)).lower()
+        what = os_reason(error)
         raise InputError([Issue(str(file), None, "results", what, "a file of results")]) from error
     except (ValueError, RecursionError) as error:
         raise InputError([Issue(str(file), None, "results", str(error), FORM)]) from error

@@ -8,7 +8,7 @@ import typer
 from optiplan.cli.completion import problem_names
 from optiplan.cli.options import AsJson
 from optiplan.cli.output import Exit, print_json, results, stdout_is_ours
-from optiplan.errors import InputError, Issue
+from optiplan.errors import InputError, Issue, errors_about
 from optiplan.problem.examples import find_problem
 
 
@@ -48,10 +48,8 @@ def bound(
         motion = None if run is None else load_run(run, problem.robot.joint_names).trajectory
         if run is not None and motion is None:
             raise InputError([Issue(str(run), None, "run", "a run without a motion", "one with a motion, or no --run")])
-        try:
+        with errors_about("op.bound", str(path)):
             found = bound_of_problem(problem, budget, motion)
-        except InputError as error:
-            raise error.about("op.bound", str(path)) from None
     duration = None if motion is None else motion.duration
     if as_json:
         gap = None if duration is None else found.gap(duration)

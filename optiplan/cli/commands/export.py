@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from optiplan.cli.output import Exit, print_error, say
-from optiplan.errors import InputError, Issue
+from optiplan.errors import InputError, Issue, errors_about
+from optiplan.files import folder_of
 
 if TYPE_CHECKING:
     from optiplan.runs.run import Run
@@ -74,7 +75,7 @@ def export(
     if not (stored.verified or unverified):
         print_error(f"optiplan: the motion of {run} is not verified; nothing was written (--unverified writes it)")
         return Exit.NOT_VERIFIED
-    folder = run if run.is_dir() else run.parent
+    folder = folder_of(run)
     if to == PROGRAM:
         return _write_program(stored, out or folder / "motion.casadi.json")
     if to in PICTURES:
@@ -82,12 +83,9 @@ def export(
         _draw(run, path, to, stored.trajectory.duration)
         say(f"written: {path}")
         return Exit.VERIFIED if stored.verified else Exit.NOT_VERIFIED
-    try:
-        written = stored.export(
-            out or folder / f"motion{FORMATS[to].suffixes[0]}", to, rate, cyclic=cyclic, unverified=unverified
-        )
-    except InputError as error:
-        raise error.about("op.Run.export", "optiplan export") from None
+    file = out or folder / f"motion{FORMATS[to].suffixes[0]}"
+    with errors_about("op.Run.export", "optiplan export"):
+        written = stored.export(file, to, rate, cyclic=cyclic, unverified=unverified)
     errors = ", ".join(f"{key} {error:.2g}" for key, error in written.errors.items())
     proved = stored.verified and not (unverified and written.duration != stored.duration)
     verdict = "verified" if proved else "NOT verified"
@@ -104,13 +102,10 @@ def _write_program(stored: "Run", path: Path) -> int:
     """Write the program of planner `casadi` along the motion of a run."""
     from optiplan.api.casadi_problems import casadi_problem
 
-    try:
+    with errors_about("op.casadi_problem", "optiplan export --to casadi"):
         nlp = casadi_problem(stored.problem, stored)
-        say(
-            f"written: {nlp.save(path)}\n{nlp.x.numel()} variables, {nlp.g.numel()} rows; the file says how to solve it"
-        )
-    except InputError as error:
-        raise error.about("op.casadi_problem", "optiplan export --to casadi") from None
+        size = f"{nlp.x.numel()} variables, {nlp.g.numel()} rows"
+        say(f"written: {nlp.save(path)}\n{size}; the file says how to solve it")
     return Exit.VERIFIED if stored.verified else Exit.NOT_VERIFIED
 
 

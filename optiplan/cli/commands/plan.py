@@ -14,17 +14,9 @@ import typer
 
 from optiplan.cli.completion import planner_names, problem_names
 from optiplan.cli.options import AsJson, Full, refuse
-from optiplan.cli.output import (
-    Exit,
-    interruptible,
-    messages,
-    results,
-    saved,
-    show_result,
-    stdout_is_ours,
-)
+from optiplan.cli.output import Exit, interruptible, messages, results, saved, show_result, stdout_is_ours
 from optiplan.cli.progress import KeptAnswer
-from optiplan.errors import InputError
+from optiplan.errors import InputError, errors_about
 from optiplan.problem.examples import find_problem
 
 BUDGET = 20.0
@@ -208,10 +200,8 @@ def _check_bound(path: Path, problem: Any, seconds: float | None) -> None:
     if seconds is not None:
         from optiplan.api.bounding import require_bound
 
-        try:
+        with errors_about("op.bound", str(path)):
             require_bound(problem)
-        except InputError as error:
-            raise error.about("op.bound", str(path)) from None
 
 
 def _bound(run: Any, seconds: float | None, cancel: Event) -> Any:
@@ -232,15 +222,10 @@ def _run_there(server: str, path: Path, problem: Any, planner: str, options: Any
     """Have a server plan; the motion is verified here."""
     from optiplan.service.client import Client
 
-    try:
+    with errors_about("op.Client", "--server"):
         there = Client(server, os.environ.get("OPTIPLAN_TOKEN", "").strip())
-    except InputError as error:
-        raise error.about("op.Client", "--server") from None
-    try:
-        with there as client, stdout_is_ours():
-            return client.plan(problem, planner, options, budget=seconds)
-    except InputError as error:
-        raise error.about("problem.yaml", f"{path} at {server}") from None
+    with errors_about("problem.yaml", f"{path} at {server}"), there as client, stdout_is_ours():
+        return client.plan(problem, planner, options, budget=seconds)
 
 
 def _finish(run: Any, out: Path | None, as_json: bool, full: bool, *, interrupted: bool) -> int:

@@ -4,7 +4,7 @@ import csv
 import os
 from pathlib import Path
 
-from optiplan.errors import InputError, Issue, path_argument
+from optiplan.errors import InputError, Issue, os_reason, path_argument
 from optiplan.execution.drivers.base import Capabilities
 from optiplan.execution.measurement import Measurement
 from optiplan.execution.status import Tick
@@ -40,7 +40,7 @@ class FileDriver:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             self._file = self._written.open("w", newline="", encoding="utf-8")
         except OSError as error:
-            found = (error.strerror or str(error)).lower()
+            found = os_reason(error)
             raise InputError([Issue(str(path), None, "file", found, "a file that can be written")]) from error
         self._rows = csv.writer(self._file)
         columns = [f"{kind} {name}" for kind in ("q", "v", "a", "torque") for name in self._names]

@@ -21,6 +21,7 @@ from optiplan.execution.arguments import LONGEST_TICK, numbers
 from optiplan.execution.drivers.base import Driver, DriverError
 from optiplan.execution.executor import Executor
 from optiplan.execution.loop.driver_checks import astray, checked_capabilities, in_words, measured_by, whole_turns
+from optiplan.execution.loop.subscribers import REPORTS, Subscribers
 from optiplan.execution.loop.tick_loop import KEPT_LATENESS, PATIENCE, MonotonicClock, TickClock, TickLoop
 from optiplan.execution.measurement import Measurement
 from optiplan.execution.paths.proved_path import ProvedPath, rest_rates
@@ -29,9 +30,6 @@ from optiplan.execution.scene.seen_scene import SceneUpdate
 from optiplan.geometry.pose import Values
 from optiplan.runs.run import Run
 from optiplan.trajectory.state import State
-
-REPORTS = 60.0
-"""Hz: states that subscribers get at most."""
 
 FRESH = 0.05
 """s: so old may the state be with which a motion begins."""
@@ -104,7 +102,7 @@ class Execution:
         self._begun = False
         self._failed = ""  # why it ended at once
         self._let_go = False
-        self._subscribers: list[Callable[[dict[str, Any]], None]] = []
+        self._subscribers = Subscribers(self._loop, self.snapshot, self._over)
 
     def start(self) -> None:
         """Begin to send set-points.
@@ -122,14 +120,14 @@ class Execution:
             self._failed = in_words(error)
             self._stop_driver("not started")
             self._over.set()
-            self._start_thread(self._report, "reports")  # the end
+            self._start_thread(self._subscribers.report, "reports")  # the end
             raise
         with self._lock:  # a command that is being made comes to its end first
             self._loop.beat = time.monotonic()
             self._thread = threading.Thread(target=self._run, name="optiplan execution", daemon=True)
             self._thread.start()
         self._start_thread(self._watch, "watch")
-        self._start_thread(self._report, "reports")
+        self._start_thread(self._subscribers.report, "reports")
 
     def wait(self, timeout: float | None = None) -> dict[str, Any]:
         """Wait until the execution is over, at most `timeout` s; return `snapshot()`.
@@ -209,10 +207,7 @@ class Execution:
         Raises:
             InputError: it is no function.
         """
-        if not callable(callback):
-            raise wrong_argument("Execution.subscribe", "callback", described(callback), "a function of a message")
-        self._subscribers.append(callback)
-        return lambda: self._unsubscribe(callback)
+        return self._subscribers.add(callback)
 
     def snapshot(self) -> dict[str, Any]:
         """Return what the execution is doing, ready for JSON.
@@ -360,18 +355,6 @@ class Execution:
             if silent > 1:  # once is also seen where the whole process stood still
                 self._give_up(f"the driver did not return from a call for {most:g} s")
 
-    def _report(self) -> None:
-        """The thread of subscribers."""
-        done, last = 0, -1.0
-        while not self._over.wait(1.0 / REPORTS):
-            done = self._report_events(done)
-            tick = self._loop.tick
-            if tick is not None and tick.t != last:
-                last = tick.t
-                self._publish({"kind": "state", **self.snapshot()})
-        self._report_events(done)
-        self._publish({"kind": "end", **self.snapshot()})
-
     def _give_up(self, reason: str) -> None:
         """End without the loop, which hangs in a call of the driver."""
         again, self._loop.ended, self._failed = not self._let_go, True, reason
@@ -381,24 +364,6 @@ class Execution:
             stopping.join(STALLED)
         with self._lock:
             self._over.set()
-
-    def _unsubscribe(self, callback: Callable[[dict[str, Any]], None]) -> None:
-        with suppress(ValueError):  # it is gone already
-            self._subscribers.remove(callback)
-
-    def _report_events(self, done: int) -> int:
-        events = list(self._loop.events)
-        for event in events[done:]:
-            self._publish({"kind": "event", "event": event.to_data()})
-        return len(events)
-
-    def _publish(self, message: dict[str, Any]) -> None:
-        for callback in list(self._subscribers):
-            try:
-                callback(message)
-            except BaseException as error:  # a reader is no reason to stop a robot, nor to leave the others without
-                log.warning("a subscriber of an execution raised, and gets nothing more: %s", in_words(error))
-                self._unsubscribe(callback)
 
 
 def _is_fresh(found: Measurement | None) -> bool:

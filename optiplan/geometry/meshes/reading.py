@@ -16,6 +16,7 @@ from typing import Literal, NamedTuple
 
 import optiplan
 from optiplan import cache, files
+from optiplan.errors import os_reason
 from optiplan.geometry.meshes.triangles import MeshError, Soup, pack_soup, unpack_soup
 from optiplan.records import dataclass
 
@@ -79,7 +80,7 @@ def open_mesh(path: Path, kind: Kind = "mesh") -> MeshFile:
     try:
         content = files.read_bytes(path)
     except OSError as error:
-        raise MeshError(f"cannot read {kind} {path}: {(error.strerror or str(error)).lower()}") from error
+        raise MeshError(f"cannot read {kind} {path}: {os_reason(error)}") from error
     suffix, formats = path.suffix.lower(), KINDS[kind]
     if suffix not in formats.suffixes:
         raise MeshError(f"cannot read {kind} {path}: '{suffix}' is none of {formats.words}")
@@ -198,7 +199,7 @@ def _run_worker(meshes: Sequence[MeshFile]) -> tuple[list[Soup | str], str]:
     except subprocess.TimeoutExpired as error:
         output, late = error.stdout or b"", True
     except OSError as error:
-        return [], _Ended(f"no process to read it can be started ({(error.strerror or str(error)).lower()})")
+        return [], _Ended(f"no process to read it can be started ({os_reason(error)})")
     answers = list(_answers(output))
     if len(answers) == len(meshes):
         return answers, ""

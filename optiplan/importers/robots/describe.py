@@ -1,11 +1,10 @@
 """The robot of a file or folder, whatever program it is of."""
 
-import os
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from optiplan.files import is_file, read_bytes
+from optiplan.files import is_file, is_folder, read_bytes
 from optiplan.importers.robots.description import Description
 from optiplan.robot.urdf.reader import read_urdf, with_found_meshes
 
@@ -22,7 +21,7 @@ def describe(path: Path) -> Description:
         InputError: none of these, or one that cannot be used.
         OptiPlanError: a package that is needed for it is not installed; the message says which.
     """
-    if os.path.isdir(path):  # which raises nothing, however long the name is
+    if is_folder(path):
         from optiplan.importers.robots.moveit_config import describe_moveit
 
         return describe_moveit(path)

@@ -10,7 +10,7 @@ from optiplan.arrays import Array
 from optiplan.config.messages import some
 from optiplan.geometry.meshes.triangles import Triangles
 from optiplan.importers.robots.polyhedra import mesh_file, stl_bytes
-from optiplan.robot.urdf.elements import mark_capsule, number_words, origin_element, xml_text
+from optiplan.robot.urdf.elements import joint_element, mark_capsule, number_words, origin_element, xml_text
 
 FAR = 100.0
 """m; a slide without limits is given these, since a URDF has no endless ones."""
@@ -36,11 +36,7 @@ class UrdfTree:
 
     def joint(self, name: str, kind: str, links: tuple[str, str], X_PJ: pin.SE3) -> ET.Element:
         """Add a joint between two links, the parent first, at a pose in the parent's frame, m."""
-        element = ET.SubElement(self.root, "joint", name=name, type=kind)
-        origin_element(element, X_PJ)
-        ET.SubElement(element, "parent", link=links[0])
-        ET.SubElement(element, "child", link=links[1])
-        return element
+        return joint_element(self.root, name, kind, links, X_PJ)
 
     def free(self, name: str) -> str:
         """Return a name that nothing has yet, taken now."""

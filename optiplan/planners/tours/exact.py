@@ -84,9 +84,7 @@ def _traced(
         chosen.append(k)
     order.reverse()
     chosen.reverse()
-    Q = np.array([layers[target].Q[k] for target, k in zip(order, chosen, strict=True)])
-    numbers = tuple(int(layers[target].numbers[k]) for target, k in zip(order, chosen, strict=True))
-    return Choice(seconds_of_all, tuple(order), Q, numbers)
+    return Choice.of(layers, order, chosen, seconds_of_all)
 
 
 class _Allowed:

@@ -31,6 +31,13 @@ class Choice:
     Q: Array
     numbers: tuple[int, ...]
 
+    @classmethod
+    def of(cls, layers: Sequence[Layer], order: Sequence[int], chosen: Sequence[int], seconds: float) -> "Choice":
+        """Return a tour of the configurations at these places of the layers of its targets."""
+        at = list(zip(order, chosen, strict=True))
+        Q = np.array([layers[target].Q[k] for target, k in at])
+        return cls(seconds, tuple(order), Q, tuple(int(layers[target].numbers[k]) for target, k in at))
+
 
 @dataclass(eq=False)
 class KnownLegs:
@@ -105,9 +112,7 @@ class Ladder:
         for origin in reversed(came[1:]):
             chosen.append(int(origin[chosen[-1]]))
         chosen.reverse()
-        Q = np.array([layers[target].Q[k] for target, k in zip(order, chosen, strict=True)])
-        numbers = tuple(int(layers[target].numbers[k]) for target, k in zip(order, chosen, strict=True))
-        return Choice(float(departures[last]), tuple(order), Q, numbers)
+        return Choice.of(layers, order, chosen, float(departures[last]))
 
     def between_targets(self, choice: Choice) -> Array:
         """Return the times (m + 1, m + 1), s, between the start and all targets in the configurations of a tour.

@@ -182,12 +182,12 @@ def _screw(one: OnScrew) -> list[Measure]:
 
 
 def _fixed(one: FixedOrientation) -> list[Measure]:
-    R = np.asarray(one.R_WF)
+    return [_turned(one.within, _turned_from(np.asarray(one.R_WF)))]
 
-    def turned(X: Array) -> Array:
-        return np.asarray(np.linalg.norm((X[:, :3, :3] - R).reshape(len(X), 9), axis=1))
 
-    return [_turned(one.within, turned)]
+def _turned_from(R: Array) -> Callable[[Array], Array]:
+    """Return how far poses (k, 4, 4) are turned from R, as the norm of the difference of the matrices (k,)."""
+    return lambda X: np.asarray(np.linalg.norm((X[:, :3, :3] - R).reshape(len(X), 9), axis=1))
 
 
 def _look(one: LookAt) -> list[Measure]:
@@ -209,13 +209,9 @@ def _look(one: LookAt) -> list[Measure]:
 
 def _relative(one: RelativePose) -> list[Measure]:
     p, R = one.X_TF.translation, one.X_TF.rotation
-
-    def turned(X: Array) -> Array:
-        return np.asarray(np.linalg.norm((X[:, :3, :3] - R).reshape(len(X), 9), axis=1))
-
     return [
         Measure("off its position", "m", one.position, "point", lambda X: np.linalg.norm(X[:, :3, 3] - p, axis=1)),
-        _turned(one.orientation, turned),
+        _turned(one.orientation, _turned_from(R)),
     ]
 
 

@@ -11,17 +11,7 @@ from optiplan.config.document import Strict
 from optiplan.config.values import Coordinate, Size, Vector
 from optiplan.geometry.pose import PoseSpec, pose_of
 from optiplan.geometry.poses import pose_to_data
-from optiplan.problem.constraints.base import (
-    WHOLE,
-    Distance,
-    During,
-    Frame,
-    Key,
-    Point,
-    Statement,
-    UnitVector,
-    array,
-)
+from optiplan.problem.constraints.base import WHOLE, Distance, During, Frame, Key, Point, Statement, UnitVector, array
 from optiplan.records import dataclass
 
 From: TypeAlias = Annotated[Array, Key(Vector, array, name="from")]

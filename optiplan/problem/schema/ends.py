@@ -8,13 +8,7 @@ from pydantic import Field, model_validator
 
 from optiplan.config.built_later import BuiltLater
 from optiplan.config.document import Strict
-from optiplan.config.values import (
-    ExactlyOne,
-    JointValues,
-    Length,
-    Name,
-    Vector,
-)
+from optiplan.config.values import ExactlyOne, JointValues, Length, Name, Vector
 from optiplan.geometry.pose import PoseGoalSpec, PoseSpec, ToleranceSpec
 from optiplan.problem.regions.schema import RegionSpec
 

@@ -11,14 +11,7 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_v
 
 from optiplan.config.built_later import BuiltLater
 from optiplan.config.document import Number, Strict, Whole
-from optiplan.config.values import (
-    FileName,
-    FileVersion,
-    Fraction,
-    Name,
-    NotNegative,
-    Vector,
-)
+from optiplan.config.values import FileName, FileVersion, Fraction, Name, NotNegative, Vector
 from optiplan.geometry.pose import PoseSpec
 from optiplan.problem.schema.ends import GoalSpec, StartSpec, ViaSpec, timed
 from optiplan.problem.schema.safety import ClearanceSpec

@@ -7,15 +7,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from optiplan.config.built_later import BuiltLater
 from optiplan.config.document import Strict
-from optiplan.config.values import (
-    Coordinate,
-    Direction,
-    Length,
-    Name,
-    NamePair,
-    NotNegative,
-    Vector,
-)
+from optiplan.config.values import Coordinate, Direction, Length, Name, NamePair, NotNegative, Vector
 from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.pose import PoseSpec
 from optiplan.geometry.shapes import SHAPES, ShapeSpec

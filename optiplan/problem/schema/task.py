@@ -6,15 +6,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from optiplan.config.document import Strict, Whole
-from optiplan.config.values import (
-    Direction,
-    Length,
-    Name,
-    NamePair,
-    NotNegative,
-    Vector,
-    listed,
-)
+from optiplan.config.values import Direction, Length, Name, NamePair, NotNegative, Vector, listed
 from optiplan.geometry.pose import PoseGoalSpec
 from optiplan.problem.constraints.statements import PathConstraintSpec
 from optiplan.problem.regions.schema import RegionSpec

@@ -9,7 +9,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from optiplan.config.messages import words_for
-from optiplan.errors import InputError, Issue
+from optiplan.errors import InputError, Issue, os_reason
 from optiplan.files import read_bytes
 from optiplan.records import dataclass
 
@@ -55,7 +55,7 @@ def read_rows(file: Path, of: RowsOf[Row]) -> list[LocatedRow[Row]]:
     try:
         text = read_bytes(file).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        why = (error.strerror or str(error)).lower() if isinstance(error, OSError) else "not UTF-8 text"
+        why = os_reason(error) if isinstance(error, OSError) else "not UTF-8 text"
         raise InputError([Issue(str(file), None, of.words, why, f"a CSV file of {of.words}")]) from None
     rows = list(_records(file, text))
     header = [name.strip() for name in rows[0][1]] if rows else []

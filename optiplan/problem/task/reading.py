@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import zip_longest
 from typing import Any
 
@@ -193,9 +194,9 @@ class TaskReader:
             "detach": self._detach,
             "gripper": self._gripper,
             "dwell": lambda _, seconds: iter([Dwell(seconds)]),
-            "tour": self._tour,
+            "tour": partial(self._along, read_tour),
             "tool": self._tool,
-            "path": self._path,
+            "path": partial(self._along, read_path),
             "wait_until": self._wait,
         }
         kind = part.value.kind
@@ -206,17 +207,14 @@ class TaskReader:
         if found is not None:
             yield found
 
-    def _tour(self, place: Place, spec: TourSpec) -> Iterator[TargetTour]:
+    def _along(
+        self, read: Callable[..., TargetTour | SeamPath | None], place: Place, spec: TourSpec | SeamSpec
+    ) -> Iterator[TargetTour | SeamPath]:
+        """Yield the tour or the path of a step."""
         joints = self._joints(place, spec.group)
-        tour = read_tour(self.compiler, self._with_tool_of(spec.group), place, spec, joints or ())
-        if tour is not None and joints is not None:
-            yield tour
-
-    def _path(self, place: Place, spec: SeamSpec) -> Iterator[SeamPath]:
-        joints = self._joints(place, spec.group)
-        path = read_path(self.compiler, self._with_tool_of(spec.group), place, spec, joints or ())
-        if path is not None and joints is not None:
-            yield path
+        found = read(self.compiler, self._with_tool_of(spec.group), place, spec, joints or ())
+        if found is not None and joints is not None:
+            yield found
 
     def _joints(self, place: Place, group: str | None) -> tuple[str, ...] | None:
         """Return the joints of a group, in the robot's order; None where there is none of that name."""

@@ -23,7 +23,14 @@ from optiplan.geometry.mass_properties import primitive_inertia
 from optiplan.records import dataclass
 from optiplan.robot.dh.spec import BodySpec, DhPoseSpec, DhRoundSpec, DhSpec, LinkSpec
 from optiplan.robot.dh.table import DhTable, JointKind, along_x, along_z
-from optiplan.robot.urdf.elements import inertial_element, mark_capsule, number_words, origin_element, xml_text
+from optiplan.robot.urdf.elements import (
+    inertial_element,
+    joint_element,
+    mark_capsule,
+    number_words,
+    origin_element,
+    xml_text,
+)
 
 PLACE: Place = ("dh",)
 
@@ -180,10 +187,7 @@ class _Writer:
     def _joint(self, joint: UrdfJoint, links: tuple[str, str], X_PJ: Array) -> None:
         endless = joint.kind == "revolute" and joint.limits is None
         kind = "continuous" if endless else joint.kind or "fixed"
-        element = ET.SubElement(self.root, "joint", name=joint.name, type=kind)
-        origin_element(element, pin.SE3(X_PJ))
-        ET.SubElement(element, "parent", link=links[0])
-        ET.SubElement(element, "child", link=links[1])
+        element = joint_element(self.root, joint.name, kind, links, pin.SE3(X_PJ))
         if joint.kind is None:
             return
         ET.SubElement(element, "axis", xyz=number_words(joint.axis))

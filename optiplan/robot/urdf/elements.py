@@ -47,6 +47,15 @@ def origin_element(element: ET.Element, X: pin.SE3) -> None:
     ET.SubElement(element, "origin", xyz=number_words(X.translation), rpy=number_words(rpy))
 
 
+def joint_element(root: ET.Element, name: str, kind: str, links: tuple[str, str], X_PJ: pin.SE3) -> ET.Element:
+    """Add a joint between two links, the parent first, at a pose in the parent's frame, m."""
+    element = ET.SubElement(root, "joint", name=name, type=kind)
+    origin_element(element, X_PJ)
+    ET.SubElement(element, "parent", link=links[0])
+    ET.SubElement(element, "child", link=links[1])
+    return element
+
+
 def mark_capsule(link: ET.Element, name: str) -> None:
     """Mark the cylinder called `name` of a link as a capsule; pinocchio reads the first <collision_checking> only."""
     first = link.find("collision_checking")

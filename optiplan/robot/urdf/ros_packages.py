@@ -7,7 +7,7 @@ from functools import cached_property
 from itertools import chain
 from pathlib import Path
 
-from optiplan.files import is_file, read_bytes
+from optiplan.files import is_file, is_folder, read_bytes
 
 MANIFEST = "package.xml"
 UP = 3
@@ -90,7 +90,7 @@ def _with_children(places: Iterable[Path]) -> list[Path]:
             names = sorted(os.listdir(place))
         except OSError:
             names = []
-        found += [place, *(child for name in names if os.path.isdir(child := place / name))]
+        found += [place, *(child for name in names if is_folder(child := place / name))]
     return list(dict.fromkeys(found))
 
 

@@ -6,9 +6,9 @@ import math
 import queue
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import field
 from typing import Any, Literal
 
@@ -202,17 +202,24 @@ class _Slot(threading.Thread):
         """Serve jobs until the pool is closed."""
         while not self._stop_event.is_set():
             self._seen = time.monotonic()
-            try:
+            with self._survived("failed; its process is exchanged"):
                 self._serve_one()
-            except BaseException:  # a thread that ended would serve nobody any more
-                _log.exception("%s failed; its process is exchanged", self.name)
-                self._stop_event.wait(RESPITE)
         self._end()
+
+    @contextmanager
+    def _survived(self, what: str) -> Iterator[None]:
+        """Log what is raised within, and wait: a thread that ended would serve nobody any more."""
+        try:
+            yield
+        except BaseException:
+            _log.exception("%s %s", self.name, what)
+            self._stop_event.wait(RESPITE)
 
     def _serve_one(self) -> None:
         """Serve the next job, if there is one soon; its future is set whatever happens."""
-        if not self._at_need:
-            self._be_ready()
+        if not self._at_need:  # have a process before a job comes; where none can be, the job is answered nevertheless
+            with self._survived("has no process that is ready"):
+                self._ready()
         try:
             job = self._jobs.get(timeout=LOOK)
         except queue.Empty:
@@ -231,14 +238,6 @@ class _Slot(threading.Thread):
             job.future.set_result(answer)
         if self._lane in ONE_JOB:
             self._end()
-
-    def _be_ready(self) -> None:
-        """Have a process ready before a job comes; where none can be, the job has to be answered nevertheless."""
-        try:
-            self._ready()
-        except Exception:
-            _log.exception("%s has no process that is ready", self.name)
-            self._stop_event.wait(RESPITE)
 
     def _ready(self) -> WorkerProcess | None:
         """The process, started anew if it has ended; None if none starts."""

@@ -7,12 +7,11 @@ import logging
 import math
 import time
 from collections.abc import Callable
-from contextlib import suppress
 
 import sqlalchemy as sa
 from sqlalchemy.engine import Engine
 
-from optiplan.service.store.tables import Clock, about
+from optiplan.service.store.tables import Clock, about, note
 
 DAY = 86400.0
 """s that a clock goes evenly before anything is deleted by its time."""
@@ -50,15 +49,11 @@ class EvenClock:
 
         A process that begins takes over what the last one saw, unless that was more than a `DAY` ago.
         """
-        row = about.c.key == KEY
         with self._engine.connect() as connection:
-            stated = connection.scalar(sa.select(about.c.value).where(row))
+            stated = connection.scalar(sa.select(about.c.value).where(about.c.key == KEY))
             now = float(connection.scalar(sa.select(Clock())) or 0.0), self._machine(), self._passed()
         self._note(now, stated)
-        value = f"{self._since!r} {now[0]!r}"
-        with suppress(sa.exc.IntegrityError), self._engine.begin() as connection:  # another process was first
-            if connection.execute(about.update().where(row).values(value=value)).rowcount == 0:
-                connection.execute(about.insert().values(key=KEY, value=value))
+        note(self._engine, KEY, f"{self._since!r} {now[0]!r}")
         return now[0] - self._since >= DAY
 
     def _note(self, now: tuple[float, float, float], stated: str | None) -> None:

@@ -5,6 +5,7 @@ import re
 import sqlite3
 import time
 import uuid
+from contextlib import suppress
 from typing import Any
 
 import sqlalchemy as sa
@@ -175,6 +176,14 @@ def open_database(url: str) -> Engine:
     if sqlite:
         _watch_file(engine)
     return engine
+
+
+def note(engine: Engine, key: str, value: Any) -> None:
+    """Write a value, or what SQL makes of one, under a key of the table `about`."""
+    row = about.c.key == key
+    with suppress(sa.exc.IntegrityError), engine.begin() as connection:  # another process was first
+        if connection.execute(about.update().where(row).values(value=value)).rowcount == 0:
+            connection.execute(about.insert().values(key=key, value=value))
 
 
 def store_name(engine: Engine) -> str:

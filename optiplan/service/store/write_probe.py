@@ -8,7 +8,7 @@ from sqlalchemy.engine import Engine
 
 from optiplan.errors import OptiPlanError
 from optiplan.service.store.contents import ContentFolder
-from optiplan.service.store.tables import Clock, DatabaseAwayError, about
+from optiplan.service.store.tables import Clock, DatabaseAwayError, note
 
 FRESH = 0.5
 """s that a change counts for, unless an error of the database comes in between."""
@@ -47,13 +47,7 @@ class WriteProbe:
     def _try(self) -> None:
         try:
             self._contents.check_writable()
-            with self._engine.begin() as connection:
-                value = sa.cast(Clock(), sa.Text)
-                row = about.c.key == KEY
-                if connection.execute(about.update().where(row).values(value=value)).rowcount == 0:
-                    connection.execute(about.insert().values(key=KEY, value=value))
-        except sa.exc.IntegrityError:  # another process was first, and so it takes changes
-            self._written = time.monotonic()
+            note(self._engine, KEY, sa.cast(Clock(), sa.Text))
         except OptiPlanError as error:
             self._fault = error
         except Exception as error:

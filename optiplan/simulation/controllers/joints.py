@@ -14,8 +14,8 @@ from optiplan.simulation.plants.dynamics import RigidBodyDynamics
 from optiplan.simulation.references.base import ToolTarget
 
 
-class PidController:
-    """tau = P e + I ∫ e dt + D (v_ref - v), e = q_ref - q, for each joint alone; with or without gravity's torque.
+class _JointLoops:
+    """Loops of each joint alone; with or without gravity's torque.
 
     The integral's part of the torque stays within `integral_limit`, so that it does not wind up while a drive is at
     its limit.
@@ -33,36 +33,45 @@ class PidController:
         """Begin with an empty integral.
 
         Args:
-            gains: P (n,), N·m/rad; I (n,), N·m/(rad s); D (n,), N·m·s/rad (of sliding joints with m and N).
+            gains: (n,) each, as the class says.
             dt: the control period, s.
-            integral_limit: (n,), N·m (N); None: without.
+            integral_limit: (n,), N·m (of sliding joints N); None: without.
             gravity: the model whose gravity is compensated; None: not at all.
         """
-        self._p, self._i, self._d = gains
-        self._dt, self._gravity = dt, gravity
+        self._gains, self._dt, self._gravity = gains, dt, gravity
         self._most = np.inf if integral_limit is None else integral_limit
-        self._integral: Array = np.zeros(len(self._p))
+        self._integral: Array = np.zeros(len(gains[0]))
+
+    def _integrated(self, rate: Array) -> Array:
+        """Return the integral's part of the torque (n,) after a period at this rate (n,), N·m/s."""
+        self._integral = np.clip(self._integral + rate * self._dt, -self._most, self._most)
+        return self._integral
+
+    def _command(self, torque: Array, q: Array, target: JointTarget) -> Command:
+        return Command(torque if self._gravity is None else torque + self._gravity.gravity(q), target.q)
+
+
+class PidController(_JointLoops):
+    """tau = P e + I ∫ e dt + D (v_ref - v), e = q_ref - q.
+
+    Gains: P, N·m/rad; I, N·m/(rad s); D, N·m·s/rad (of sliding joints with m and N).
+    """
 
     def command(self, q: Array, v: Array, target: JointTarget | ToolTarget) -> Command:
         """See the class."""
         assert isinstance(target, JointTarget)
+        p, i, d = self._gains
         e = target.q - q
-        self._integral = np.clip(self._integral + self._i * e * self._dt, -self._most, self._most)
-        torque = self._p * e + self._integral + self._d * (target.v - v)
-        if self._gravity is not None:
-            torque = torque + self._gravity.gravity(q)
-        return Command(torque, target.q)
+        return self._command(p * e + self._integrated(i * e) + d * (target.v - v), q, target)
 
 
-class DriveLoops:
-    """tau = Kv e + Ki ∫ e dt, e = v_cmd - v, v_cmd = v_ref + Kp (q_ref - q), for each joint alone.
+class DriveLoops(_JointLoops):
+    """tau = Kv e + Ki ∫ e dt, e = v_cmd - v, v_cmd = v_ref + Kp (q_ref - q).
 
     Drives that take velocities are given v_cmd. Those that take positions close the outer loop themselves, from q_ref
-    alone: there v_ref is missing, and a moving reference is followed late by v_ref / Kp. The integral's part of the
-    torque stays within its limit.
+    alone: there v_ref is missing, and a moving reference is followed late by v_ref / Kp.
+    Gains: Kp, 1/s; Kv, N·m·s/rad; Ki, N·m/rad (of sliding joints with m and N).
     """
-
-    output: Input = "torque"
 
     def __init__(
         self,
@@ -72,29 +81,16 @@ class DriveLoops:
         integral_limit: Array | None = None,
         gravity: RigidBodyDynamics | None = None,
     ) -> None:
-        """Begin with an empty integral.
-
-        Args:
-            gains: Kp (n,), 1/s; Kv (n,), N·m·s/rad; Ki (n,), N·m/rad (of sliding joints with m and N).
-            dt: the control period, s.
-            takes: what the drives are given: `velocity` or `position`.
-            integral_limit: (n,), N·m (N); None: without.
-            gravity: the model whose gravity is compensated; None: not at all.
-        """
-        self._position, self._velocity, self._integral_gain = gains
-        self._dt, self._ahead, self._gravity = dt, float(takes == "velocity"), gravity
-        self._most = np.inf if integral_limit is None else integral_limit
-        self._integral: Array = np.zeros(len(self._position))
+        """Begin with an empty integral, for drives that take a `velocity` or a `position`."""
+        super().__init__(gains, dt, integral_limit, gravity)
+        self._ahead = float(takes == "velocity")
 
     def command(self, q: Array, v: Array, target: JointTarget | ToolTarget) -> Command:
         """See the class."""
         assert isinstance(target, JointTarget)
-        e = self._ahead * target.v + self._position * (target.q - q) - v
-        self._integral = np.clip(self._integral + self._integral_gain * e * self._dt, -self._most, self._most)
-        torque = self._velocity * e + self._integral
-        if self._gravity is not None:
-            torque = torque + self._gravity.gravity(q)
-        return Command(torque, target.q)
+        position, velocity, integral = self._gains
+        e = self._ahead * target.v + position * (target.q - q) - v
+        return self._command(velocity * e + self._integrated(integral * e), q, target)
 
 
 class ComputedTorque:

@@ -48,20 +48,14 @@ def _assumed(control: ControlFile) -> RigidBodyDynamics:
 
 def _controller(control: ControlFile, reference: Reference) -> LoopController:
     match control.spec.controller.value:
-        case PidSpec() as spec:
-            gains = (control.per_joint(spec.p), control.per_joint(spec.i), control.per_joint(spec.d))
-            most = None if spec.integral_limit is None else control.per_joint(spec.integral_limit)
+        case PidSpec() | DriveSpec() as spec:
+            of, period = control.per_joint, 1.0 / control.spec.rate
+            most = None if spec.integral_limit is None else of(spec.integral_limit)
             gravity = _assumed(control) if spec.gravity_compensation else None
-            return PidController(gains, 1.0 / control.spec.rate, most, gravity)
-        case DriveSpec() as spec:
-            gains = (
-                control.per_joint(spec.position),
-                control.per_joint(spec.velocity),
-                control.per_joint(spec.integral),
-            )
-            most = None if spec.integral_limit is None else control.per_joint(spec.integral_limit)
-            gravity = _assumed(control) if spec.gravity_compensation else None
-            return DriveLoops(gains, 1.0 / control.spec.rate, spec.takes, most, gravity)
+            if isinstance(spec, PidSpec):
+                return PidController((of(spec.p), of(spec.i), of(spec.d)), period, most, gravity)
+            gains = (of(spec.position), of(spec.velocity), of(spec.integral))
+            return DriveLoops(gains, period, spec.takes, most, gravity)
         case ComputedTorqueSpec() as spec:
             return ComputedTorque(_assumed(control), spec.frequency, spec.damping)
         case VelocitySpec() as spec:

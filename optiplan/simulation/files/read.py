@@ -13,7 +13,7 @@ from optiplan.config.document import Document, plain, read_yaml, validate
 from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError, Issue, OptiPlanError
-from optiplan.files import reading
+from optiplan.files import is_folder, reading
 from optiplan.problem.builder import frame_names
 from optiplan.problem.examples import find_problem
 from optiplan.problem.from_data import read_problem
@@ -103,7 +103,7 @@ def find_control(name: str) -> Path:
     examples = {example.stem: example for example in sorted(control_dir().glob("*.yaml"))}
     if path.parent in (Path(), Path("control")) and path.suffix in ("", ".yaml") and path.stem in examples:
         return examples[path.stem]
-    found = "is a folder" if os.path.isdir(path) else "no such file" if name else "an empty name"
+    found = "is a folder" if is_folder(path) else "no such file" if name else "an empty name"
     expected = f"a control file, or an example, {choices(path.stem, list(examples))}"
     raise InputError([Issue(name or "''", None, "file", found, expected)])
 

@@ -9,15 +9,7 @@ from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.files import read_bytes
 from optiplan.geometry.poses import pose_from_data
 from optiplan.planners.base import Budget, Failure
-from optiplan.planners.cartesian.tool_path import (
-    ToolPath,
-    arc,
-    circle,
-    circle_through,
-    line,
-    screw,
-    screw_about,
-)
+from optiplan.planners.cartesian.tool_path import ToolPath, arc, circle, circle_through, line, screw, screw_about
 from optiplan.robot.frames import frame_pose
 from optiplan.runs import pipeline
 from optiplan.runs.run_folder import load_run

@@ -10,6 +10,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
+from optiplan.files import folder_of
 from optiplan.problem.problem import Problem
 from optiplan.robot.limits import joint_units, thousandths
 from optiplan.viewer.run_data.curves import short_names
@@ -28,7 +29,7 @@ def read_log(folder: Path) -> Arrays | None:
     Raises:
         InputError: a log that cannot be read.
     """
-    file = (folder if folder.is_dir() else folder.parent) / LOG
+    file = folder_of(folder) / LOG
     if not file.is_file():
         return None
     try:

@@ -61,14 +61,15 @@ def init(
       optiplan robots init my_arm.urdf --group j1,j2,j3 --tool tool0 --lock finger=0.02 --limit acceleration=5
     """
     from optiplan.api.imports import robot_files
-    from optiplan.api.init_robot import TOUCHING, home_of, prepare
+    from optiplan.api.init_robot import TOUCHING, prepare
     from optiplan.cli.commands.robots import wizard
     from optiplan.cli.commands.robots.mesh_covers import make_covers
     from optiplan.cli.progress import ProgressLog
+    from optiplan.files import folder_of
     from optiplan.importers.robots.describe import describe
 
     as_json = as_json or bool(context.obj)
-    folder = home_of(urdf) if out is None else out
+    folder = folder_of(urdf) if out is None else out
     robot_files.refuse_files(folder, force)
     choices = wizard.read_choices(group or "", tool or "", lock or [], limit or [], allow_pairs or "")
     with stdout_is_ours():

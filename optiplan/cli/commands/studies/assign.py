@@ -7,13 +7,7 @@ import typer
 
 from optiplan.cli.commands.studies import shown
 from optiplan.cli.options import AsJson
-from optiplan.cli.output import (
-    Exit,
-    interruptible,
-    plain_table,
-    results,
-    stdout_is_ours,
-)
+from optiplan.cli.output import Exit, interruptible, plain_table, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 
 if TYPE_CHECKING:

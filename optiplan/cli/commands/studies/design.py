@@ -8,14 +8,7 @@ import typer
 
 from optiplan.cli.commands.studies import shown
 from optiplan.cli.options import AsJson
-from optiplan.cli.output import (
-    Exit,
-    interruptible,
-    plain_table,
-    results,
-    stdout_is_ours,
-    tell_interrupted,
-)
+from optiplan.cli.output import Exit, interruptible, plain_table, results, stdout_is_ours, tell_interrupted
 from optiplan.cli.progress import ProgressLine
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from optiplan.cli.completion import problem_names
 from optiplan.cli.options import AsJson, RobotName
 from optiplan.cli.output import Exit, plain_table, results, say, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
-from optiplan.errors import InputError
+from optiplan.errors import errors_about
 
 if TYPE_CHECKING:
     from optiplan.api.studies.placing import Placement
@@ -63,10 +63,8 @@ def place(
     with stdout_is_ours(), ProgressLine() as progress:
         problem = load_problem(task)
         where = PlaceRange(x, y, z, radians(yaw), points)
-        try:
+        with errors_about("op.place", task):
             found = search(problem, robot, where, budget=budget, progress=progress)
-        except InputError as error:
-            raise error.about("op.place", task) from None
     code = int(Exit.NO_PLAN if found.run is None else 0)
     return shown(_data(found), lambda: _print(found), code, as_json, out, found.save)
 
