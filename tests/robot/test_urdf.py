@@ -34,7 +34,14 @@ def cube(tmp_path):
 
 @pytest.mark.parametrize(
     "form",
-    ["package://pack/meshes/cube.stl", "package:///pack/meshes/cube.stl", "../meshes/cube.stl", "file://{}", "{}"],
+    [
+        "package://pack/meshes/cube.stl",
+        "package:///pack/meshes/cube.stl",
+        "../meshes/cube.stl",
+        "file://{}",
+        "file://../meshes/cube.stl",
+        "{}",
+    ],
 )
 def test_meshes_are_found_and_scaled(cube, form):
     folder = cube.parent.parent / "robot"

@@ -1,10 +1,12 @@
 """A workforce on a Dask cluster: the scheduler spreads tasks over its workers, each of which runs them in slots."""
 
+import logging
 import queue
 import threading
 import time
 import uuid
 import warnings
+from asyncio import CancelledError
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -191,6 +193,7 @@ def connected_client(address: str) -> Any:
         import distributed
     except ImportError as error:
         raise ClusterError("--dask needs distributed: pip install 'optiplan[cluster]'") from error
+    logging.getLogger("distributed.client").addFilter(_is_news)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # other versions of Dask: who needs the same ones says so
@@ -198,6 +201,11 @@ def connected_client(address: str) -> Any:
     except (OSError, ValueError, TypeError, ImportError, AssertionError) as error:
         expected = "a running one, as of `dask scheduler` (docs/how-to/cluster.md)"
         raise ClusterError(f"no Dask scheduler at {address}: {named_reason(error)}; expected {expected}") from error
+
+
+def _is_news(record: logging.LogRecord) -> bool:
+    """Drop the traceback of a reconnection that our `close` ends: the error of the lost scheduler is ours."""
+    return not (record.exc_info and isinstance(record.exc_info[1], CancelledError))
 
 
 def _connect(client: Callable[..., Any], address: str) -> Any:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import is_finite, number_argument
-from optiplan.errors import OptiPlanError, described
+from optiplan.errors import OptiPlanError, described, whole_argument, wrong_argument
 from optiplan.execution.drivers.base import Capabilities, DriverError
 from optiplan.execution.loop.clock_offset import ClockOffset
 from optiplan.execution.measurement import Measurement
@@ -64,6 +64,7 @@ class Ros2ControlDriver:
         scaling: topic of `std_msgs/Float64` with the robot's speed; `full_speed` is what it says at full speed.
 
     Raises:
+        InputError: an argument that cannot be.
         DriverError: the server cannot be reached.
         OptiPlanError: roslibpy is not installed.
     """
@@ -79,6 +80,12 @@ class Ros2ControlDriver:
         scaling: str = "/speed_scaling_state_broadcaster/speed_scaling",
         full_speed: float = 100.0,
     ) -> None:
+        texts = {"host": host, "controller": controller, "states": states, "scaling": scaling}
+        for argument, value in texts.items():
+            if not isinstance(value, str) or not value.strip():
+                raise wrong_argument("driver", argument, described(value), "a name")
+        whole_argument("driver", "port", port, 1)
+        number_argument("driver", "port", port, "a port of at most 65535", most=65535)
         self._full = number_argument("driver", "full_speed", full_speed, "a finite number > 0", above=0.0)
         self._names = tuple(run.problem.robot.joint_names)
         self._lock, self._fault = threading.Lock(), ""

@@ -3,6 +3,8 @@
 Not tried on hardware. See `UrRtdeDriver`.
 """
 
+import socket
+import struct
 import time
 from contextlib import suppress
 from importlib import import_module
@@ -22,6 +24,15 @@ JOINTS = 6
 
 LEAST_RATE = 10.0
 """Hz: set-points that come more slowly end the robot's program: its watchdog."""
+
+PORT = 30004
+"""Of RTDE."""
+
+ANSWERS_IN = 5.0
+"""s."""
+
+ASK, AGREE = struct.pack(">HBH", 5, ord("V"), 2), struct.pack(">HBB", 4, ord("V"), 1)
+"""Packets with which we ask for version 2 of the protocol, and a robot agrees."""
 
 BRAKING = 5.0
 """rad/s², with which `stop` ends what is left of a motion."""
@@ -81,6 +92,7 @@ class UrRtdeDriver:
     def _connect(self, host: str) -> tuple[Any, Any]:
         if find_spec("rtde_control") is None:
             raise OptiPlanError("the driver 'ur_rtde' needs the package ur_rtde: pip install 'optiplan[ur]'")
+        _check_answer(host)
         receive = None
         try:
             receive = import_module("rtde_receive").RTDEReceiveInterface(host, self._rate, list(VARIABLES))
@@ -134,6 +146,25 @@ class UrRtdeDriver:
         for call in calls if control.isConnected() and receive.isConnected() else calls[2:]:
             with suppress(Exception):  # each is tried, whatever became of the others
                 call()
+
+
+def _check_answer(host: str) -> None:
+    """Refuse what does not speak RTDE: the client would wait for ever, and no other thread of Python would run.
+
+    Raises:
+        DriverError: nothing answers in time, or something else does.
+    """
+    try:
+        with socket.create_connection((host, PORT), ANSWERS_IN) as peer, peer.makefile("rb") as answers:
+            peer.sendall(ASK)
+            answer = answers.read(len(AGREE))
+    except TimeoutError:
+        raise DriverError(f"no robot at {host}: no answer within {ANSWERS_IN:g} s") from None
+    except (OSError, ValueError) as error:  # a name that cannot be one is the latter
+        reason = getattr(error, "strerror", None) or error
+        raise DriverError(f"no robot at {host}: {reason}") from None
+    if answer != AGREE:
+        raise DriverError(f"no robot at {host}: what answers at port {PORT} does not agree to version 2 of RTDE")
 
 
 class _Gone:

@@ -110,7 +110,7 @@ class _Frames:
         named = [*parent.findall("model"), *parent.findall("link"), *parent.findall("frame"), *parent.findall("joint")]
         self.elements = {element.get("name", ""): element for element in named}
         self.includes = [_include(element, place) for element in parent.findall("include")]
-        self.found: dict[str, pin.SE3] = {"": X_WP, "__model__": X_WP, "world": X_WP}
+        self.found: dict[str, pin.SE3] = {"": X_WP, "__model__" if parent.tag == "model" else "world": X_WP}
 
     def pose(self, element: ET.Element, X_WD: pin.SE3 | None = None, within: tuple[str, ...] = ()) -> pin.SE3:
         """X of an element in the world; without `relative_to` its pose is in D, else in the parent."""
@@ -170,7 +170,7 @@ def _own_pose(element: ET.Element, place: _Place) -> pin.SE3:
         return pin.SE3(pin.Quaternion(quaternion).toRotationMatrix(), np.array(values[:3]))
     if len(values) != 6:
         raise place.issue(element, f"<pose> '{(pose.text or '').strip()}'", "x y z roll pitch yaw")
-    turn = np.radians(values[3:]) if pose.get("degrees") == "true" else np.array(values[3:])
+    turn = np.radians(values[3:]) if _is_true(pose.get("degrees")) else np.array(values[3:])
     return pin.SE3(pin.rpy.rpyToMatrix(*turn), np.array(values[:3]))
 
 
@@ -210,6 +210,8 @@ def _add_mesh(shape: ET.Element, name: str, X_WC: pin.SE3, place: _Place, scene:
     scale = _numbers(shape.findtext("scale") or "1 1 1")
     if len(scale) != 3:
         raise place.issue(shape, f"<scale> '{shape.findtext('scale')}'", "three numbers")
+    if _is_true(shape.findtext("submesh/center")):
+        raise place.issue(shape, f"<center> of the submesh of {name}", "a submesh where its file has it")
     if shape.find("submesh") is not None:
         scene.notes.append(f"the submesh of {name} is not chosen: the whole mesh is taken")
     try:
@@ -236,6 +238,10 @@ def _numbers(text: str) -> list[float]:
     except ValueError:
         return []
     return values if np.isfinite(values).all() else []
+
+
+def _is_true(text: str | None) -> bool:
+    return (text or "").strip().lower() in ("true", "1")
 
 
 def _model_file(uri: str, place: _Place, include: ET.Element) -> Path:

@@ -265,14 +265,12 @@ class _MeshFinder:
 
     def _stated(self, name: str) -> Iterator[Path]:
         """Yield where the file may be, the likeliest first."""
-        scheme, separator, rest = name.partition("://")
-        if not separator:
-            yield from [Path(name)] if Path(name).is_absolute() else [root / name for root in self._packages.roots]
-        elif scheme == "file":
-            yield Path(rest)
-        else:
-            package, inside = _in_package(name)
+        package, inside = _in_package(name)
+        path = Path(name.removeprefix("file://"))
+        if package:
             yield from (folder / inside for folder in self._packages.folders(package))
+        else:
+            yield from [path] if path.is_absolute() else [root / path for root in self._packages.roots]
 
     def _guesses(self, name: str) -> list[Path]:
         """Return where the file of a package that is not found may be: in folders that are no other package."""

@@ -4,7 +4,8 @@ import math
 import re
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from difflib import get_close_matches
 from typing import NamedTuple
 
 import numpy as np
@@ -54,7 +55,7 @@ class _Range:
 
 
 _PLACE = _Range(3, -1e5, 1e5, "three numbers of at most 1e5 m")
-_TURN = _Range(3, -1e5, 1e5, "three numbers of at most 1e5 rad")
+_TURN = _Range(3, -4.0 * math.pi, 4.0 * math.pi, "three angles in rad, within two turns (12.566)")
 _END = _Range(1, -1e30, 1e30, "a number of at most 1e30 (a joint without an end is `continuous`)")
 _RATE = _Range(1, 0.0, 1e12, "a number from 0 to 1e12")
 _MASS = _Range(1, 0.0, 1e9, "a mass from 0 to 1e9 kg, as a plain number")
@@ -78,6 +79,20 @@ ONCE = {
     "joint": ("parent", "child", "origin", "axis", "limit", "mimic"),
 }
 """What an element has once, of what decides about a motion."""
+
+READ = {
+    "link": ("inertial", "visual", "collision", "collision_checking"),
+    "inertial": ("origin", "mass", "inertia"),
+    "collision": ("origin", "geometry"),
+    "joint": ("parent", "child", "origin", "axis", "limit", "mimic", "dynamics", "safety_controller", "calibration"),
+}
+"""What is read inside an element. Others have a meaning for other programs, but not if they look like one of these."""
+
+STATED = {"origin": tuple(_ORIGIN), "axis": ("xyz",), "mimic": ("joint", *_MIMIC), "mesh": ("filename", "scale")}
+"""Attributes of which each has a default: one that is misspelt would move a joint or a body elsewhere."""
+
+ALIKE = 0.75, 0.6
+"""How alike a tag, and an attribute, is to the one that is meant, as `difflib` measures it."""
 
 ROUNDED = 1e-6
 """kg m²: by so much the digits of a file may be off."""
@@ -110,7 +125,7 @@ def _part_faults(root: ET.Element, joints: list[ET.Element]) -> Iterator[Fault]:
     yield from _name_faults("link", links)
     yield from _name_faults("joint", joints)
     for element, find in [*((link, _link_faults) for link in links), *((joint, _joint_faults) for joint in joints)]:
-        for fault in (*_repetitions(element), *find(element)):
+        for fault in (*_repetitions(element), *_misspellings(element), *find(element)):
             yield Fault(element.get("name", ""), *fault)
     yield from _tree_faults(root, {link.get("name", "") for link in links})
 
@@ -160,14 +175,37 @@ def _repetitions(element: ET.Element) -> Iterator[tuple[str, str]]:
                 yield f"{count} <{tag}> in a <{inside.tag}>", "one: a reader takes the first and drops the others"
 
 
+def _misspellings(element: ET.Element) -> Iterator[tuple[str, str]]:
+    """Find tags and attributes that no reader knows, and that are written almost like one that all know."""
+    for inside in element.iter():
+        known = READ.get(str(inside.tag), ())
+        for tag in {str(child.tag) for child in inside} if known else ():
+            if meant := _meant(tag, known, ALIKE[0]):
+                yield f"<{tag}> in a <{inside.tag}>", f"<{meant}>"
+        for name in inside.attrib:
+            if meant := _meant(name, STATED.get(str(inside.tag), ()), ALIKE[1]):
+                yield f"<{inside.tag}> with {name}='{inside.get(name)}'", meant
+
+
+def _meant(name: str, known: Collection[str], alike: float) -> str:
+    """Return the known name that was meant; empty where it is one of them, or like none."""
+    return "" if name in known else next(iter(get_close_matches(name.lower(), known, 1, alike)), "")
+
+
 def _root_faults(root: ET.Element) -> Iterator[Fault]:
     links = [link.get("name", "") for link in root.findall("link")]
-    carried = {child.get("link", "") for child in root.findall("joint/child")}
+    carried = {_end(joint, "child") for joint in root.findall("joint")}
     roots = [link for link in links if link not in carried]
     for link in roots[1:]:
         yield Fault(link, f"a link that no joint carries, besides '{roots[0]}'", "a tree: one such link")
-    if links and not roots:
-        yield Fault(links[0], "links that carry each other in a circle", "a tree: one link that no joint carries")
+    children: dict[str, list[str]] = {}
+    for joint in root.findall("joint"):
+        children.setdefault(_end(joint, "parent"), []).append(_end(joint, "child"))
+    reached = list(roots)
+    for link in reached:  # each link once: it is the child of one joint
+        reached += children.get(link, [])
+    if circle := {*links} - {*reached}:
+        yield Fault(min(circle), "links that carry each other in a circle", "a tree: one link that no joint carries")
 
 
 def _tree_faults(root: ET.Element, links: set[str]) -> Iterator[Fault]:
@@ -175,17 +213,21 @@ def _tree_faults(root: ET.Element, links: set[str]) -> Iterator[Fault]:
     joints = root.findall("joint")
     for joint in joints:
         for end in ("parent", "child"):
-            element = joint.find(end)
-            link = "" if element is None else element.get("link", "")
+            link = _end(joint, end)
             if link not in links:
                 yield Fault(
                     joint.get("name", ""), f"the {end} link '{link}', which is not there", "a link of this file"
                 )
-        child = joint.find("child")
-        name = "" if child is None else child.get("link", "")
+        name = _end(joint, "child")
         if name in seen:
             yield Fault(name, "a link that is the child of two joints", "a tree: one parent for each link")
         seen.add(name)
+
+
+def _end(joint: ET.Element, end: str) -> str:
+    """Return the link that is the `parent` or the `child` of a joint; empty where it names none."""
+    element = joint.find(end)
+    return "" if element is None else element.get("link", "")
 
 
 def _joint_faults(joint: ET.Element) -> Iterator[tuple[str, str]]:

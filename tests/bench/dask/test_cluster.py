@@ -1,6 +1,9 @@
 """A real Dask scheduler and real worker processes on this machine; nothing in a worker is shared with us."""
 
+import logging
+import logging.handlers
 import os
+import queue
 import re
 import signal
 import subprocess
@@ -212,7 +215,9 @@ def test_stopping_gives_up_the_runs_under_way_and_ends_their_processes(write_sui
     assert found.stdout == b""
 
 
-def test_a_scheduler_that_ends_is_an_error(write_suite, dask, tmp_path):
+def test_a_scheduler_that_ends_is_an_error_and_no_traceback(write_suite, dask, tmp_path):
+    records = logging.handlers.QueueHandler(queue.SimpleQueue())
+    logging.getLogger("distributed.client").addHandler(records)
     path = write_suite(count=2, planners=[SLOW], repetitions=20)
     dask.workers(1)
 
@@ -221,6 +226,8 @@ def test_a_scheduler_that_ends_is_an_error(write_suite, dask, tmp_path):
 
     with pytest.raises(ClusterError, match=r"fails.*go on later"):
         run_there(path, tmp_path / "there", dask.address, end)
+    logging.getLogger("distributed.client").removeHandler(records)
+    assert records.queue.empty()
 
 
 @pytest.mark.usefixtures("one_figure_of_measures")

@@ -118,6 +118,15 @@ def test_a_robot_that_stands_elsewhere_is_not_moved(run, robot):
     assert robot.goals == []
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("host", 5), ("host", " "), ("port", 0), ("port", 70000), ("port", "x"), ("controller", 3), ("states", None)],
+)
+def test_arguments_that_cannot_be_are_named(run, name, value):
+    with pytest.raises(op.InputError, match=rf"op\.driver: {name}: found .*; expected a"):
+        op.driver("ros2_control", run, **{name: value})
+
+
 def test_what_is_missing_is_named(run, monkeypatch):
     monkeypatch.setattr(ros2_control, "CONNECTED_IN", 0.2)
     with pytest.raises(DriverError, match=r"no rosbridge server at 127\.0\.0\.1:9"):

@@ -1,5 +1,7 @@
 """The driver `ur_rtde` against a controller that speaks RTDE."""
 
+import socket
+import threading
 import time
 
 import numpy as np
@@ -105,6 +107,37 @@ def test_what_cannot_be_is_named(run, monkeypatch):
     monkeypatch.setattr(ur_rtde, "find_spec", lambda name: None)
     with pytest.raises(OptiPlanError, match=r"optiplan\[ur\]"):
         op.driver("ur_rtde", run, host="127.0.0.1")
+
+
+@pytest.mark.parametrize(
+    ("answer", "reason"),
+    [
+        (b"", "no answer within 0.2 s"),
+        (b"\0\4", "no answer within 0.2 s"),
+        (b"\0\4V\0", "does not agree to version 2 of RTDE"),
+        (b"SSH-2.0-OpenSSH_9.2\r\n", "does not agree to version 2 of RTDE"),
+        (None, "does not agree to version 2 of RTDE"),
+    ],
+)
+def test_what_stalls_or_speaks_otherwise_is_no_robot(run, monkeypatch, answer, reason):
+    """The client would wait for ever, with Python's lock."""
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        monkeypatch.setattr(ur_rtde, "PORT", listening.getsockname()[1])
+        monkeypatch.setattr(ur_rtde, "ANSWERS_IN", 0.2)
+        peer = threading.Thread(target=answering, args=(listening, answer))
+        peer.start()
+        with pytest.raises(DriverError, match=reason):
+            op.driver("ur_rtde", run, host="127.0.0.1")
+        peer.join()
+
+
+def answering(listening, answer):
+    connection, _ = listening.accept()
+    with connection:
+        assert connection.recv(16) == ur_rtde.ASK
+        if answer is not None:
+            connection.sendall(answer)
+            connection.recv(16)  # until the other side ends
 
 
 def test_an_arm_of_other_joints_is_refused(run_of):

@@ -281,6 +281,13 @@ def test_only_the_refusal_of_files_that_are_there_names_the_call(tmp_path):
         ("cell.sdf", "0.4 0.6 0.02", "0.4 0.6 0", "table::c: <size> '0.4 0.6 0' of a <box>; expected 3 numbers > 0"),
         ("cell.sdf", 'relative_to="top"', 'relative_to="side"', "the frame 'side'; expected one of: board"),
         ("cell.sdf", "<pose>0 0 0.1 0 0 0</pose>", '<pose relative_to="top"/>', "which depends on itself"),
+        ("cell.sdf", 'relative_to="top"', 'relative_to="world"', "the frame 'world'; expected one of: board"),
+        (
+            "cell.sdf",
+            "<box><size>0.4 0.6 0.02</size></box>",
+            "<mesh><uri>cell.obj</uri><submesh><name>s</name><center>true</center></submesh></mesh>",
+            "<center> of the submesh of table::board; expected a submesh where its file has it",
+        ),
         ("cell.sdf", "</sdf>", "", "cell.sdf:"),
         ("cell.usda", "height = 3", "height = -3", "cell.usda: /table/leg.height: -3.0; expected a number > 0"),
         ("cell.usda", "0.2)", "0)", "cell.usda: /table/board: a transform that flattens"),
@@ -292,7 +299,16 @@ def test_only_the_refusal_of_files_that_are_there_names_the_call(tmp_path):
     ],
 )
 def test_bad_files_are_named(tmp_path, name, old, new, words):
+    (tmp_path / "cell.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
     (tmp_path / name).write_text(FILES[name].replace(old, new))
     with pytest.raises(op.InputError) as caught:
         read_scene(tmp_path / name)
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("yes", ["true", "1", " True "])
+def test_truth_is_written_in_several_ways_in_sdf(tmp_path, yes):
+    turned = SDF.replace('<pose degrees="true">0.1 0 0 0 0 0</pose>', f'<pose degrees="{yes}">0.1 0 0 0 0 90</pose>')
+    (tmp_path / "cell.sdf").write_text(turned)
+    leg = next(body for body in read_scene(tmp_path / "cell.sdf").obstacles if body["name"] == "table::leg")
+    assert leg["pose"]["quaternion"] == pytest.approx([0, 0, np.sin(3 * np.pi / 8), np.cos(3 * np.pi / 8)])

@@ -34,6 +34,15 @@ URDF = """<robot name="x"><link name="a"/>
         ("</joint>", '<dynamics friction="-1"/></joint>', "j", "<dynamics> with friction='-1'"),
         ('name="x"', 'name="x" version="2.0"', "x", "version '2.0'"),
         ("</robot>", '<joint name="k" type="fixed"><parent link="a"/><child link="b"/></joint></robot>', "b", "two"),
+        ('<parent link="a"/>', '<parent link="b"/>', "b", "in a circle"),
+        ('xyz="0 0 0"', 'rpy="0 90 0"', "b", "<origin> with rpy='0 90 0'"),
+        ('<origin xyz="0 0 0"/>', '<orgin xyz="1 0 0"/>', "b", "<orgin> in a <collision>"),
+        ('xyz="0 0 0"', 'xzy="1 0 0"', "b", "<origin> with xzy='1 0 0'"),
+        ('xyz="0 0 0"', 'rpy_deg="90 0 0"', "b", "<origin> with rpy_deg='90 0 0'"),
+        ('xyz="0 0 1"', 'Xyz="0 0 1"', "j", "<axis> with Xyz='0 0 1'"),
+        ("</joint>", '<Mimic joint="k"/></joint>', "j", "<Mimic> in a <joint>"),
+        ('<link name="a"/>', '<link name="a"><colision/></link>', "a", "<colision> in a <link>"),
+        ('<box size="1 1 1"/>', '<mesh filename="m.obj" Scale="1 1 1"/>', "b", "<mesh> with Scale='1 1 1'"),
     ],
 )
 def test_what_the_parser_would_drop_is_refused(tmp_path, old, new, name, found):
