@@ -81,7 +81,7 @@ ONCE = {
 """What an element has once, of what decides about a motion."""
 
 READ = {
-    "link": ("inertial", "visual", "collision", "collision_checking"),
+    "link": ("inertial", "visual", "collision", "collision_checking", "self_collision_checking"),
     "inertial": ("origin", "mass", "inertia"),
     "collision": ("origin", "geometry"),
     "joint": ("parent", "child", "origin", "axis", "limit", "mimic", "dynamics", "safety_controller", "calibration"),
@@ -183,7 +183,8 @@ def _misspellings(element: ET.Element) -> Iterator[tuple[str, str]]:
             if meant := _meant(tag, known, ALIKE[0]):
                 yield f"<{tag}> in a <{inside.tag}>", f"<{meant}>"
         for name in inside.attrib:
-            if meant := _meant(name, STATED.get(str(inside.tag), ()), ALIKE[1]):
+            meant = _meant(name, STATED.get(str(inside.tag), ()), ALIKE[1])
+            if meant and meant not in inside.attrib:
                 yield f"<{inside.tag}> with {name}='{inside.get(name)}'", meant
 
 
