@@ -65,9 +65,8 @@ const Hull::Cell *Hull::list(std::uint32_t asked) const {
         return all_.get();
     }
     Candidates &more = more_.emplace_back();
-    more.push_back(std::uint32_t((cell.size() - 1) / 2 * 2));
+    more.push_back(std::uint32_t(cell.size() - 2));
     more.insert(more.end(), cell.begin() + 2, cell.end());
-    if (cell.size() % 2) more.push_back(cell.back());
     listed.others.store(more.data(), std::memory_order_release);
     return all_.get();
 }

@@ -31,11 +31,17 @@ class Hull {
         const Cell *cells = cells_.load(std::memory_order_acquire);
         if (!cells || !cells[asked].others.load(std::memory_order_acquire)) cells = list(asked);
         const Cell &cell = cells[asked];
-        const std::uint32_t *others = cell.others.load(std::memory_order_relaxed), count = *others;
-        const Vec3 *best = farther(&points_[cell.first[0]], &points_[cell.first[1]], d);
-        for (std::uint32_t k = 1; k <= count; k += 2)
-            best = farther(best, farther(&points_[others[k]], &points_[others[k + 1]], d), d);
-        return *best;
+        const std::uint32_t *others = cell.others.load(std::memory_order_relaxed);
+        std::uint32_t best = cell.first[0];
+        double most = dot(points_[best], d);
+        const auto ask = [&](std::uint32_t other) {
+            const double height = dot(points_[other], d);
+            const bool farther = height > most;
+            best = farther ? other : best, most = farther ? height : most;
+        };
+        ask(cell.first[1]);
+        for (std::uint32_t k = 1; k <= *others; ++k) ask(others[k]);
+        return points_[best];
     }
 
     const std::vector<Vec3> &points() const { return points_; }
@@ -44,13 +50,11 @@ class Hull {
     double radius() const { return radius_; }       // of the ball about `centre` that holds all points
 
   private:
-    // Candidates of a cell: two, and `others`: how many, an even number, followed by these; null until it is listed.
+    // Candidates of a cell: two, and `others`: how many, followed by these; null until it is listed.
     struct Cell {
         std::uint32_t first[2] = {};
         std::atomic<const std::uint32_t *> others{nullptr};
     };
-
-    static const Vec3 *farther(const Vec3 *a, const Vec3 *b, const Vec3 &d) { return dot(*b, d) > dot(*a, d) ? b : a; }
 
     std::uint32_t cell_of(const Vec3 &d) const {
         const double along[] = {d.x, d.y, d.z, d.x, d.y};
