@@ -6,13 +6,15 @@ While `reading` is open, every file is read once and keeps what was read: two lo
 same bytes, whatever happens to the file in between, so that a hash is of what was used.
 """
 
+import csv
 import errno
 import fcntl
+import io
 import os
 import stat
 import tempfile
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import field
@@ -205,6 +207,13 @@ def flush(path: Path) -> None:
     """Have the disk hold what was written to a file."""
     with path.open("rb") as file:
         os.fsync(file.fileno())
+
+
+def csv_text(head: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
+    """Return a table as CSV."""
+    text = io.StringIO(newline="")
+    csv.writer(text, lineterminator="\n").writerows([head, *rows])
+    return text.getvalue()
 
 
 def write_bytes(path: Path, content: bytes) -> None:

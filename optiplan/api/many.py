@@ -170,9 +170,7 @@ def _arriving(there: Any) -> "Future[Run]":
 
 
 def _ordered(
-    requests: Sequence[_Request],
-    futures: "Sequence[Future[Run]]",
-    progress: Progress | None,
+    requests: Sequence[_Request], futures: "Sequence[Future[Run]]", progress: Progress | None
 ) -> Generator[Run, None, None]:
     """Yield the runs in order."""
     names = {future: one.problem.name for future, one in zip(futures, requests, strict=True)}

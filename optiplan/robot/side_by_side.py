@@ -125,10 +125,7 @@ def _arm_data(name: str, arm: Any, function: str) -> dict[str, Any]:
 
 
 def read_side_by_side(
-    document: Document,
-    locked: Mapping[str, float] | None,
-    group: str | None,
-    load: "Callable[..., Robot]",
+    document: Document, locked: Mapping[str, float] | None, group: str | None, load: "Callable[..., Robot]"
 ) -> RobotParts:
     """Read several robots as one; see `load_robot`.
 

@@ -1,6 +1,5 @@
 """Export motions for other programs."""
 
-import csv
 import io
 import json
 from collections.abc import Callable, Mapping
@@ -11,7 +10,7 @@ import numpy as np
 
 from optiplan.arrays import Array, number_argument
 from optiplan.errors import described, writing, wrong_argument
-from optiplan.files import write_bytes
+from optiplan.files import csv_text, write_bytes
 from optiplan.records import dataclass
 from optiplan.runs.controller_formats import ros_json, ros_yaml, urscript
 from optiplan.trajectory.fixed_rate import interpolation_errors, on_cycle
@@ -26,12 +25,9 @@ MOST_SAMPLES = 200_000
 def _csv(trajectory: Trajectory, t: Array) -> bytes:
     """Columns t, q_JOINT, v_JOINT, a_JOINT; s, rad or m."""
     samples = trajectory.sampled(t)
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["t", *(f"{kind}_{name}" for kind in "qva" for name in trajectory.joint_names)])
-    for row in zip(samples["t"], samples["q"], samples["v"], samples["a"], strict=True):
-        writer.writerow([row[0], *row[1], *row[2], *row[3]])
-    return text.getvalue().encode()
+    head = ["t", *(f"{kind}_{name}" for kind in "qva" for name in trajectory.joint_names)]
+    rows = zip(samples["t"], samples["q"], samples["v"], samples["a"], strict=True)
+    return csv_text(head, ([t, *q, *v, *a] for t, q, v, a in rows)).encode()
 
 
 def _json(trajectory: Trajectory, t: Array) -> bytes:

@@ -1,9 +1,8 @@
 """The result of a design study: the front, the designs that were proved, a table, files."""
 
-import csv
-import io
 from typing import Any
 
+from optiplan.files import csv_text
 from optiplan.problem.write import problem_text
 from optiplan.records import dataclass
 from optiplan.studies.measures import MEASURES
@@ -85,16 +84,13 @@ class DesignResult:
     @property
     def csv(self) -> str:
         """The front as CSV: a column for each parameter and measure with its unit, and the role of a chosen design."""
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        names = self.columns
-        writer.writerow([f"{name} [{unit}]" if unit else name for name, unit in names] + ["role", "verified"])
+        names, rows = self.columns, list[list[str]]()
         roles = {id(proof.design): proof for proof in self.proofs}
         for design in ([] if self.given in self.front else [self.given]) + list(self.front):
             proof, row = roles.get(id(design)), self.row(design)
             words = [] if proof is None else [proof.role, _verified(proof)]
-            writer.writerow([f"{row[name]:.9g}" if name in row else "" for name, _ in names] + (words or ["", ""]))
-        return text.getvalue()
+            rows.append([f"{row[name]:.9g}" if name in row else "" for name, _ in names] + (words or ["", ""]))
+        return csv_text([f"{name} [{unit}]" if unit else name for name, unit in names] + ["role", "verified"], rows)
 
     @property
     def data(self) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from optiplan.bench.results.database import Store
 from optiplan.errors import InputError, Issue
-from optiplan.files import read_bytes, write_text
+from optiplan.files import csv_text, read_bytes, write_text
 from optiplan.records import dataclass
 
 LESS = 1e-9
@@ -92,11 +92,7 @@ class BestKnownTable:
         """Write the file whole or not at all, with what others wrote into it meanwhile."""
         with _alone_in(Path(os.path.realpath(self.path)).parent):
             self._take_file()
-            text = io.StringIO()
-            writer = csv.writer(text, lineterminator="\n")
-            writer.writerow(_NAMES)
-            writer.writerows(astuple(row) for row in self.rows())
-            write_text(self.path, text.getvalue())
+            write_text(self.path, csv_text(_NAMES, map(astuple, self.rows())))
 
 
 @dataclass(frozen=True)

@@ -36,8 +36,7 @@ Group = Annotated[str | None, typer.Option(metavar="G", help="one of the robot's
 Frame = Annotated[str | None, typer.Option(metavar="F", help="frame (default: the robot's tool frame)")]
 Apart = Annotated[bool, typer.Option("--collision/--no-collision", help="leave out configurations in self-collision")]
 Floor = Annotated[
-    float | None,
-    typer.Option(callback=_height, metavar="Z", help="a floor at this height, m, not to be touched"),
+    float | None, typer.Option(callback=_height, metavar="Z", help="a floor at this height, m, not to be touched")
 ]
 Accuracy = Annotated[bool, typer.Option("--accuracy", help="map what the joints' resolution means at the tool")]
 Resolution = Annotated[

@@ -62,11 +62,7 @@ async def scene(execution: ExecutionPath, service: Service) -> Response:
     return Response(answer.files["scene.json"], media_type="application/json")
 
 
-@router.get(
-    "/{execution}/recording.zip",
-    response_class=Response,
-    responses=PACKED,
-)
+@router.get("/{execution}/recording.zip", response_class=Response, responses=PACKED)
 async def recording(execution: ExecutionPath, service: Service) -> Response:
     """What was seen of the robot, the last ten minutes at most, as a run folder: `optiplan view` shows it."""
     session = service.executions.get(execution)

@@ -1,14 +1,12 @@
 """A table as CSV, with full precision, and as LaTeX, as it is shown; the results in a Markdown table."""
 
-import csv
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
 from optiplan.bench.report.analysis import Analysis, PlannerNumbers
 from optiplan.bench.report.tables.cells import NOTHING, ReportTable, number, percent
 from optiplan.bench.statistics.intervals_and_tests import Interval
-from optiplan.files import write_text
+from optiplan.files import csv_text, write_text
 
 SPECIAL = {
     "\\": r"\textbackslash{}",
@@ -46,19 +44,16 @@ Quickest, shortest: share of tasks on which no planner was better.
 def as_csv(table: ReportTable) -> str:
     """Values as they are sorted by, with two columns more, `low` and `high`, where a column has intervals."""
     has = [any(row[k].interval for row in table.rows) for k in range(len(table.heads))]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    heads: list[str] = []
+    heads, rows = list[str](), list[list[object]]()
     for head, interval in zip(table.heads, has, strict=True):
         heads += [head.text, f"{head.text} low", f"{head.text} high"] if interval else [head.text]
-    writer.writerow(heads)
     for row in table.rows:
         values: list[object] = []
         for cell, interval in zip(row, has, strict=True):
             values.append(cell.key if cell.known else "")
             values += (cell.interval or ("", "")) if interval else ()
-        writer.writerow(values)
-    return text.getvalue()
+        rows.append(values)
+    return csv_text(heads, rows)
 
 
 def as_latex(table: ReportTable) -> str:
