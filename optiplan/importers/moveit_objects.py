@@ -207,6 +207,10 @@ class SceneConverter:
         triangles = [t["vertex_indices"] if isinstance(t, Mapping) else t for t in mesh.get("triangles") or []]
         if not vertices or not triangles:
             raise CannotConvert(f"object '{item['id']}' has a mesh without vertices or triangles in the file")
+        for triangle in triangles:
+            if len(triangle) != 3 or any(corner not in range(len(vertices)) for corner in triangle):
+                words = f"a triangle {list(triangle)} of {len(vertices)} vertices"
+                raise CannotConvert(f"object '{item['id']}' has a mesh with {words}")
         plain = "".join(c if c.isalnum() else "_" for c in str(item["id"]))
         file = f"{self.prefix}_{plain}_{len(self.meshes)}.obj"
         self.meshes[file] = obj_text(np.array(vertices), np.array(triangles, int))

@@ -251,6 +251,7 @@ def broken(change):
     return data
 
 
+CORNERS = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
 CONE = {"id": "a", "primitives": [{"type": "cone", "dimensions": [1, 2]}]}
 REFUSED = [
     (scene(CONE), request_(), "object 'a' is a cone"),
@@ -267,6 +268,14 @@ REFUSED = [
         "unknown frame 'sun'",
     ),
     (scene({"id": "a", "meshes": [{"resource": "package://x"}]}), request_(), "a mesh without vertices"),
+    *(
+        (
+            scene({"id": "a", "meshes": [{"vertices": CORNERS, "triangles": [{"vertex_indices": triangle}]}]}),
+            request_(),
+            r"a mesh with a triangle \[0, 1.* of 3 vertices",
+        )
+        for triangle in ([0, 1, 1.5], [0, 1, -2], [0, 1, 3], [0, 1])
+    ),
     (scene({"id": "a", "planes": [{"coef": [0, 0, 0, 1]}]}), request_(), "a plane without a normal"),
     ({"world": {"octomap": {"octomap": {"data": [1]}}}}, request_(), "an octomap"),
     (scene(), request_(path_constraints={"joint_constraints": [1]}), "path constraints"),

@@ -58,10 +58,10 @@ def _object(lines: "_Lines", name: str, scene: ImportedScene) -> None:
 
 def _shape(lines: "_Lines", kind: str, name: str, X_WO: pin.SE3, scene: ImportedScene) -> None:
     if kind == "mesh":
-        vertices, triangles = (int(n) for n in lines.numbers(2, "numbers of vertices and triangles"))
+        vertices, triangles = lines.wholes(2, "numbers of vertices and triangles")
         points = np.array([lines.numbers(3, "a vertex") for _ in range(vertices)]).reshape(-1, 3)
-        faces = np.array([lines.numbers(3, "a triangle") for _ in range(triangles)], int).reshape(-1, 3)
-        if not len(faces) or faces.min() < 0 or faces.max() >= len(points):
+        faces = np.array([lines.wholes(3, "a triangle") for _ in range(triangles)], int).reshape(-1, 3)
+        if not len(faces) or faces.max() >= len(points):
             raise lines.issue(f"a mesh of {name} with {len(faces)} triangles of {len(points)} vertices", "a whole mesh")
     elif kind in _SIZES:
         size = _sizes(lines, kind, name)
@@ -135,12 +135,17 @@ class _Lines:
             raise self.issue(f"'{' '.join(words)}'", f"{expected}: {count} numbers")
         return values
 
+    def wholes(self, count: int, expected: str) -> Sequence[int]:
+        """The whole numbers of the next line."""
+        values = self.numbers(count, expected)
+        if any(value != int(value) or value < 0 for value in values):
+            found = " ".join(f"{value:g}" for value in values)
+            raise self.issue(found, f"{expected}: {'a whole number' if count == 1 else 'whole numbers'}")
+        return [int(value) for value in values]
+
     def whole(self, expected: str) -> int:
         """The whole number of the next line."""
-        (value,) = self.numbers(1, expected)
-        if value != int(value) or value < 0:
-            raise self.issue(f"{value:g}", f"{expected}: a whole number")
-        return int(value)
+        return self.wholes(1, expected)[0]
 
     def pose(self) -> pin.SE3:
         """A line x y z and a line with the quaternion x y z w."""

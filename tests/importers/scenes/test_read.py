@@ -277,6 +277,12 @@ def test_only_the_refusal_of_files_that_are_there_names_the_call(tmp_path):
             ":7: scene: '0.4 0.6'; expected the sizes of a box: 3 numbers",
         ),
         ("cell.scene", "cylinder", "prism", ":11: scene: the shape 'prism'; expected one of: box"),
+        (
+            "cell.scene",
+            "cylinder\n0.03 0.3",
+            "mesh\n3 1\n0 0 0\n1 0 0\n0 1 0\n0 1 1.5",
+            ":16: scene: 0 1 1.5; expected a triangle: whole numbers",
+        ),
         ("cell.scene", "\n.\n", "\n", "the end of the file"),
         ("cell.sdf", "0.4 0.6 0.02", "0.4 0.6 0", "table::c: <size> '0.4 0.6 0' of a <box>; expected 3 numbers > 0"),
         ("cell.sdf", 'relative_to="top"', 'relative_to="side"', "the frame 'side'; expected one of: board"),
