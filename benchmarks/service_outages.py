@@ -47,7 +47,7 @@ scene: {obstacles: [{name: ceiling, shape: {box: [3.0, 0.1, 0.04]}, pose: {posit
 planner: rrtconnect
 """
 """Searched for as long as the budget lasts; the answer is that there is no path."""
-LONG = 4.0
+LONG = 2.5
 """s that the run takes which the outage meets."""
 SECONDS_FULL = 10.0
 """s for which a disk is full."""

@@ -150,12 +150,11 @@ def test_no_cache_of_a_robot_can_end_a_run(own_cache, tmp_path, problems):
     first = load_robot(str(tmp_path / "robot.yaml"))
     files = [path for path in own_cache.rglob("*") if path.is_file()]
     assert {path.parent.name for path in files} >= {"pieces"}
-    for damage in ("empty", "cut"):
-        for path in files:
-            path.write_bytes(DAMAGE[damage](path.read_bytes()))
-        again = load_robot(str(tmp_path / "robot.yaml"))
-        assert dict(again.allowed) == dict(first.allowed)
-        assert again.link_geometry == first.link_geometry
+    for k, path in enumerate(files):
+        path.write_bytes(DAMAGE[("empty", "cut")[k % 2]](path.read_bytes()))
+    again = load_robot(str(tmp_path / "robot.yaml"))
+    assert dict(again.allowed) == dict(first.allowed)
+    assert again.link_geometry == first.link_geometry
 
 
 def homeless(monkeypatch, **environment):

@@ -38,7 +38,7 @@ def bound(problem: Problem, budget: float = BUDGET, motion: Run | Trajectory | N
         >>> import optiplan as op
         >>> problem = op.load_problem("12_planar")
         >>> run = op.plan(problem)
-        >>> op.bound(problem, budget=5.0, motion=run).gap(run.duration) < 0.7
+        >>> op.bound(problem, budget=1.0, motion=run).gap(run.duration) < 0.7
         True
     """
     checked_problem(problem, "bound")

@@ -135,8 +135,8 @@ class FrameProof:
                 reason = "beyond its limit"
             elif beside > limit:
                 reason = "not proved within the tracking error"
-            elif not np.isfinite(worst):
-                reason = "not proved: numbers overflow"
+            elif not np.isfinite(worst) or np.isnan(limit):
+                reason = "not proved: no number, or numbers overflow"
             elif open_.any() and spans.width[open_].min() < 2.0 * policy.min_interval:
                 reason = f"not proved on intervals of {policy.min_interval:g} s"
             elif evaluated > policy.max_queries:

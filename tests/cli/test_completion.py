@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from optiplan.cli.completion import planner_names, problem_names, robot_names
+from optiplan.cli.main import run
 
 ROOT = Path(__file__).parents[2]
 OFFERED = 'COMP_WORDS=("${words[@]}"); COMP_CWORD=$((${#words[@]} - 1)); _optiplan_completion optiplan'
@@ -45,16 +46,8 @@ def installed(home) -> Path:
 @pytest.mark.parametrize(
     ("words", "offered"),
     [
-        (["ver"], ["verify"]),
-        (["robots", "sh"], ["show"]),
-        (["plan", "02"], ["02_shelf"]),
-        (["check", "29"], ["29_sclerp"]),
-        (["verify", "15"], ["15_srra"]),
         (["plan", "02_shelf", "--planner", "rrt"], ["rrtconnect", "rrtstar"]),
         (["plan", "02_shelf", "--bud"], ["--budget"]),
-        (["robots", "show", "pan"], ["panda"]),
-        (["workspace", "srra", "pu"], ["puma560"]),
-        (["ik", "bax"], ["baxter", "baxter_left", "baxter_report"]),
         (["plan", "bi"], []),  # a folder of that name is there: bash offers it
     ],
 )
@@ -63,6 +56,29 @@ def test_bash_completes_commands_and_names(installed, words, offered):
     done = bash(installed, f'. ~/.bashrc; words=({quoted}); {OFFERED}; printf "%s\\n" "${{COMPREPLY[@]}}"')
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.split() == offered
+
+
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        (["ver"], ["verify"]),
+        (["robots", "sh"], ["show"]),
+        (["plan", "02"], ["02_shelf"]),
+        (["check", "29"], ["29_sclerp"]),
+        (["verify", "15"], ["15_srra"]),
+        (["robots", "show", "pan"], ["panda"]),
+        (["workspace", "srra", "pu"], ["puma560"]),
+        (["ik", "bax"], ["baxter", "baxter_left", "baxter_report"]),
+    ],
+)
+def test_the_program_answers_what_bash_asks(words, offered, monkeypatch, capfd):
+    """As in a process of its own, which takes half a second."""
+    asked = {"_OPTIPLAN_COMPLETE": "complete_bash", "COMP_WORDS": " ".join(["optiplan", *words])}
+    for name, value in (asked | {"COMP_CWORD": str(len(words))}).items():
+        monkeypatch.setenv(name, value)
+    with pytest.raises(SystemExit) as ended:
+        run([])
+    assert (ended.value.code, capfd.readouterr().out.split()) == (0, offered)
 
 
 def test_without_a_shell_it_says_so(optiplan, monkeypatch):

@@ -74,6 +74,21 @@ def test_no_path_names_bodies_and_tree_sizes():
     assert failure.witness["distance"] <= 0.0
 
 
+def test_no_path_names_bodies_where_the_trees_lie_on_one_side():
+    """KPIECE checks edges late: its tree from the goal may hold states beyond the bar, which no edge leads to."""
+    problem = cases.barred()
+    beside = np.array([[0.2, 0.3], [0.1, 0.2]])
+    assert not any(CollisionModel(problem.robot, problem.scene).collides(q) for q in beside)
+
+    def searcher(check, ends, budget, seed, patience):
+        return Search(None, ends[0][None], np.vstack([ends[1], beside]), (1, 3))
+
+    failure = sample(problem, budget=Budget(0.05), searcher=searcher)
+    assert failure.kind == "no-path"
+    assert failure.witness["pair"][1].startswith("bar")
+    assert "(3 states) are not joined; on the straight line from the start to the goal" in failure.detail
+
+
 def test_cancel_is_seen_within_a_fifth_of_a_second():
     cancel = threading.Event()
     threading.Timer(0.3, cancel.set).start()

@@ -130,7 +130,7 @@ def sample_path(
         rng = np.random.default_rng(options.seed)
         found = _rounds(check, (start, free_goals), replace(options, budget=budget, improve=None), rng)
         if found.path is None and straight is None:
-            explained = partial(_no_path, model, found, limits, options.budget)
+            explained = partial(_no_path, model, found, (start, free_goals), limits, options.budget)
             return explained() if options.explain else NoPath("no-path", "no path found", explained=explained)
         path = _shorter(check, [straight, found.path], free_goals, options, rng)
         info = {"states": sum(found.sizes), "cut_short": found.cut_short or (budget.over and found.path is None)}
@@ -274,19 +274,24 @@ def _near_the_ends(check: MotionCheck, ends: Ends, longest: Array, options: Samp
     return replace(found, path=path, start_tree=part.lift(found.start_tree), goal_tree=part.lift(found.goal_tree))
 
 
-def _no_path(model: CollisionModel, search: Search, limits: Limits, budget: Budget) -> Failure:
+def _no_path(model: CollisionModel, search: Search, ends: Ends, limits: Limits, budget: Budget) -> Failure:
     if budget.cancelled:
         return out_of_time(budget, "searching for a path")
     a, b = _nearest(search.start_tree, search.goal_tree, limits.velocity)
     q, contact = _first_blocked(model, a, b)
-    gap = float(np.abs(b - a).max())
     detail = (
         f"no path within {budget.seconds:.3g} s: the tree from the start ({search.sizes[0]} states) and that "
-        f"from the goal ({search.sizes[1]} states) stay {gap:.3g} rad or m apart (largest joint)"
+        f"from the goal ({search.sizes[1]} states) "
     )
+    if contact is None:  # KPIECE checks edges late: its trees hold states that nothing joins to their roots as yet
+        a, b = _nearest(ends[0][None], ends[1], limits.velocity)
+        q, contact = _first_blocked(model, a, b)
+        detail += "are not joined; on the straight line from the start to the goal"
+    else:
+        detail += f"stay {np.abs(b - a).max():.3g} rad or m apart (largest joint); between them"
     if contact is None:
-        return Failure("no-path", detail, {"q": q.tolist(), "q_goal_side": b.tolist()})
-    detail += f"; between them {contact.meeting}"
+        return Failure("no-path", f"{detail} nothing is met", {"q": q.tolist(), "q_goal_side": b.tolist()})
+    detail += f" {contact.meeting}"
     return Failure("no-path", detail, {**contact_witness(q, contact), "q_goal_side": b.tolist()})
 
 

@@ -141,6 +141,7 @@ def test_files_that_change_end_a_suite_and_an_import(write_suite, robot_of_ours,
     assert not out.exists()
 
 
+@pytest.mark.usefixtures("one_figure_of_measures")
 def test_a_planner_that_cannot_be_made_is_that_planner_s_failure(write_suite, tmp_path, capsys):
     path = write_suite(count=1, planners=["bench_planners:NeverMade", "bench_planners:Straight"])
     assert main(["bench", str(path), "--out", str(tmp_path / "out"), "--workers", "1", "--json"]) == 0

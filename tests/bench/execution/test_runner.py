@@ -53,7 +53,7 @@ def test_every_run_is_made_once_whatever_the_number_of_workers(write_suite, run,
     path = write_suite(seeds=[0, 7], repetitions=2)
     done, rows = run(path)
     assert (done.total, done.found, done.made) == (8, 0, 8)
-    assert verdicts(rows) == verdicts(run(path, tmp_path / "again", workers=3)[1])
+    assert verdicts(rows) == verdicts(run(path, tmp_path / "again", workers=2)[1])
     assert all(bool(row["verified"]) == (row["seed"] == 0) for row in rows.values())
     unlucky = rows["plain/p0", "bench_planners:Straight", 7, 1]
     assert (unlucky["failure_kind"], unlucky["witness"]) == ("no-path", '{"q": [0.5, 1.0]}')
@@ -124,7 +124,7 @@ def test_a_planner_that_hangs_while_warming_up_does_not_hold_up_the_suite(write_
 
 
 def test_ctrl_c_ends_cleanly_and_the_same_command_goes_on(write_suite, tmp_path, run):
-    path, folder = write_suite(count=3, planners=[SLOW], repetitions=10), tmp_path / "out"
+    path, folder = write_suite(count=2, planners=[SLOW], repetitions=8), tmp_path / "out"
     process = start(path, folder)
     wait_until(lambda: stored(folder) >= 3)
     workers = workers_of(process)
@@ -135,7 +135,7 @@ def test_ctrl_c_ends_cleanly_and_the_same_command_goes_on(write_suite, tmp_path,
     assert all(map(ended, workers))
     there = stored(folder)
     done, rows = run(path, folder)
-    assert (done.found, done.total, len(rows)) == (there, 30, 30)
+    assert (done.found, done.total, len(rows)) == (there, 16, 16)
 
 
 @pytest.mark.timeout(20)
@@ -151,7 +151,7 @@ def test_a_pool_that_is_closed_while_outcomes_wait_to_be_stored_ends(monkeypatch
 
 
 def test_killed_with_a_worker_every_run_is_there_once(write_suite, tmp_path, run):
-    path, folder = write_suite(count=4, planners=[SLOW], repetitions=8), tmp_path / "out"
+    path, folder = write_suite(count=2, planners=[SLOW], repetitions=8), tmp_path / "out"
     process = start(path, folder)
     wait_until(lambda: stored(folder) >= 3)
     workers = workers_of(process)
@@ -161,8 +161,8 @@ def test_killed_with_a_worker_every_run_is_there_once(write_suite, tmp_path, run
     process.communicate(timeout=PATIENCE)
     wait_until(lambda: all(map(ended, workers)))
     done, rows = run(path, folder)
-    assert 3 <= done.found < 32
-    assert len(rows) == 32
+    assert 3 <= done.found < 16
+    assert len(rows) == 16
     assert all(row["verified"] for row in rows.values())
 
 
@@ -237,7 +237,7 @@ def small_disk(tmp_path):
     subprocess.run(["umount", str(folder)], check=True)
 
 
-def test_a_full_tmpfs(write_suite, small_disk):
+def test_a_full_tmpfs(write_suite, small_disk, run):
     path, folder = write_suite(count=2, repetitions=15), small_disk / "out"
     filler = small_disk / "filler"
     filler.write_bytes(b"0" * 1_900_000)
@@ -249,10 +249,8 @@ def test_a_full_tmpfs(write_suite, small_disk):
     there = stored(folder)
     assert 0 < there < 30
     filler.unlink()
-    process = start(path, folder, workers=1)
-    out, err = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0, err
-    assert "30 of 30 runs" in out
+    done, _ = run(path, folder)
+    assert (done.found, done.total) == (there, 30)
     with closing(sqlite3.connect(folder / "results.sqlite")) as db:
         assert db.execute("PRAGMA integrity_check").fetchone() == ("ok",)
         assert db.execute("SELECT count(*), sum(verified) FROM runs").fetchone() == (30, 30)

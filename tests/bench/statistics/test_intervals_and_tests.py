@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from optiplan.bench.statistics import intervals_and_tests
 from optiplan.bench.statistics.intervals_and_tests import (
@@ -68,6 +67,8 @@ def test_seeds_of_a_problem_add_nothing_to_what_is_known_of_problems():
 
 @pytest.mark.parametrize("n", [8, 9, 40, 41])
 def test_medians_drawn_at_once_are_distributed_as_those_of_resamples(n, monkeypatch):
+    from scipy import stats  # half a second of each worker where it collects tests
+
     monkeypatch.setattr(intervals_and_tests, "RESAMPLES", 20_000)
     rng = np.random.default_rng(n)
     values = np.sort(rng.lognormal(size=n))
@@ -111,9 +112,15 @@ def test_sign_test_sums_binomial_probabilities(wins, losses):
     assert sign_test(wins, losses) == pytest.approx(expected, rel=1e-9)
 
 
+def ranks_of(d):
+    """Ranks of sizes, by their mean where these are alike."""
+    sizes = np.abs(d)
+    return np.array([(sizes < one).sum() + 0.5 * ((sizes == one).sum() + 1) for one in sizes])
+
+
 def counted(d):
     """Share of all sign patterns whose rank sum is as far from its mean, of integer doubled ranks."""
-    doubled = (2 * stats.rankdata(np.abs(d))).astype(int)
+    doubled = (2 * ranks_of(d)).astype(int)
     total, found = doubled.sum(), doubled[d > 0.0].sum()
     ways = [1] + [0] * total
     for rank in doubled:
@@ -123,7 +130,7 @@ def counted(d):
 
 def normal(d):
     """Normal approximation with the variance corrected for ties."""
-    n, ranks = len(d), stats.rankdata(np.abs(d))
+    n, ranks = len(d), ranks_of(d)
     _, ties = np.unique(np.abs(d), return_counts=True)
     variance = (n * (n + 1) * (2 * n + 1) - (ties.astype(float) ** 3 - ties).sum() / 2.0) / 24.0
     return math.erfc(abs(ranks[d > 0.0].sum() - n * (n + 1) / 4.0) / math.sqrt(2.0 * variance))

@@ -29,9 +29,10 @@ def robot(run):
         yield robot
 
 
-def execution_of(run, robot, override=1.0):
+def execution_of(run, robot, override=1.0, oldest=0.1):
     driver = op.driver("ros2_control", run, host="127.0.0.1", port=robot.port)
-    return op.Execution(op.Executor(run, override=override), driver, patience=0.1)
+    executor = op.Executor(run, override=override, tracking=op.TrackingPolicy(oldest=oldest))
+    return op.Execution(executor, driver, patience=0.1)
 
 
 def from_path(run, seen):
@@ -48,7 +49,7 @@ def until(condition, seconds=20.0):
 
 def test_a_motion_arrives_and_stays_on_its_path(run, robot, monkeypatch):
     monkeypatch.setattr(ros2_control, "LEAD", 3.0)  # on a busy machine a tick comes a second late
-    execution = execution_of(run, robot)
+    execution = execution_of(run, robot, oldest=3.0)  # and a state, too
     execution.start()
     time.sleep(0.3)
     execution.override(0.5)

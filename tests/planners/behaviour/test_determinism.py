@@ -15,11 +15,11 @@ from optiplan.problem.write import problem_text
 ROOT = Path(__file__).parents[3]
 SAMPLING = {
     "bitstar": {"batches": 1},
-    "informed_rrtstar": {"iterations": 60},
+    "informed_rrtstar": {"iterations": 30},
     "kpiece": {},
-    "prm": {"vertices": 120},
+    "prm": {"vertices": 80},
     "rrtconnect": {},
-    "rrtstar": {"iterations": 60},
+    "rrtstar": {"iterations": 30},
 }
 
 PLANS = """

@@ -10,6 +10,7 @@ from optiplan.collision.native_model import planning_model
 from optiplan.planners.common.tracking_tube import planned_in_tube
 from optiplan.planners.task.stages import Stages, WorldState
 from optiplan.problem.task.scene_change import scene_after
+from tests.planned import Until
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +106,9 @@ def test_ends_keep_the_error_from_the_limits(problem):
     assert not model.collides(q)
     q[6] = problem.limits.upper[6] - 0.005
     assert model.collides(q)
-    run = op.plan(problem, tracking_error=0.02, budget=2.0)  # a goal here is 1 mrad within the limit
+    first = Until()
+    budget = op.Budget(20.0, first.met)
+    run = op.plan(problem, tracking_error=0.02, budget=budget, progress=first)  # a goal here is 1 mrad within the limit
     assert run.verified, run
 
 

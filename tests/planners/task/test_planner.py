@@ -192,6 +192,15 @@ def test_a_line_is_timed_within_the_budget():
     assert 1.02 * quick.duration < slow.duration < 3.0 * quick.duration
 
 
+@pytest.fixture(scope="module")
+def short():
+    """A line from either of two configurations: what is hurried needs no more."""
+    first, *rest = load_problem(FILE).start[:7]
+    ends = [{"joints": [first + angle, *rest]} for angle in (0.3, -0.6)]
+    task = [{"move": {"any_of": ends}}, {"line": {"by": [0.0, 0.0, 0.1]}}]
+    return op.Problem("panda", "ready", task=task).with_parts(clearance=0)
+
+
 def _hurried(monkeypatch, wanted):
     """Search as if the part of the time for looking ahead were over at once; `wanted` tells which candidates hold."""
     paces, ahead = [], search.TaskSearch._candidates
@@ -205,14 +214,14 @@ def _hurried(monkeypatch, wanted):
     return paces
 
 
-def test_a_hurried_search_goes_on_with_what_it_has(run, monkeypatch):
+def test_a_hurried_search_goes_on_with_what_it_has(short, monkeypatch):
     _hurried(monkeypatch, lambda found: found == 1)  # else without a motion
-    found = op.plan(run.problem, "rrtconnect", budget=60.0)
+    found = op.plan(short, "rrtconnect", budget=60.0)
     assert found.verified
     assert found.info["cut_short"]
 
 
-def test_a_move_that_was_hurried_makes_a_task_that_was(run, monkeypatch):
+def test_a_move_that_was_hurried_makes_a_task_that_was(short, monkeypatch):
     """`cut_short` was false, and another run of the same seed found another motion."""
 
     def hurried(*arguments, through=search.plan_through):
@@ -220,7 +229,7 @@ def test_a_move_that_was_hurried_makes_a_task_that_was(run, monkeypatch):
         return replace(result, info={**result.info, "cut_short": True})
 
     monkeypatch.setattr(search, "plan_through", hurried)
-    found = op.plan(run.problem, "rrtconnect", budget=60.0)
+    found = op.plan(short, "rrtconnect", budget=60.0)
     assert found.verified
     assert found.info["cut_short"]
 
@@ -238,19 +247,19 @@ def test_a_line_is_as_slow_as_the_constraint_of_another_frame_asks_and_other_ste
 
 
 @pytest.mark.parametrize("obstacles_move", [False, True])
-def test_steps_that_no_time_was_left_to_join_make_a_task_that_was_cut_short(run, monkeypatch, obstacles_move):
+def test_steps_that_no_time_was_left_to_join_make_a_task_that_was_cut_short(short, monkeypatch, obstacles_move):
     ball = op.Sphere("ball", 0.05, position=(-1.0, 0.0, 0.5))
-    moving = derived(run.problem, scene=run.problem.scene.with_(ball.moving([[0, 0.1], [0], [0]], until=0.5)))
-    problem = moving if obstacles_move else run.problem
+    moving = derived(short, scene=short.scene.with_(ball.moving([[0, 0.1], [0], [0]], until=0.5)))
+    problem = moving if obstacles_move else short
     monkeypatch.setattr(planner, "_JOINING", 0.0)
     found = op.plan(problem, "rrtconnect", budget=60.0)
     assert found.verified
     assert found.info["cut_short"]
 
 
-def test_a_hurried_search_in_vain_looks_at_all_candidates(run, monkeypatch):
+def test_a_hurried_search_in_vain_looks_at_all_candidates(short, monkeypatch):
     paces = _hurried(monkeypatch, lambda found: found > 1)
-    found = planned_until(run.problem, "rrtconnect", 60.0)
+    found = planned_until(short, "rrtconnect", 60.0)
     assert found.verified
     assert min(paces) < 20.0 < 50.0 < max(paces)
 

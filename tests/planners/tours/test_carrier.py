@@ -132,14 +132,14 @@ def test_arms_without_a_closed_form_descend():
     robots = {"arm": {"use": "panda"}, "table": {"use": plate, "base": {"position": [0.55, 0, 0]}}}
     start = {"joints": {**dict(zip(names, ready, strict=True)), "table/joint_1": 0.0}}
     task = [{"tour": {"targets": targets, "carried_by": PLATE}}]
-    found = op.plan(problem_from_dict({"version": 1, "robots": robots, "start": start, "task": task}), budget=4.0)
+    found = planned_until(problem_from_dict({"version": 1, "robots": robots, "start": start, "task": task}))
     assert found.verified, (found.failure, found.report)
 
 
 def test_a_clearance_goes_with_a_carrier(data):
     """The arm alone has fewer joints than the robot about whose ends pairs may be nearer."""
     asked = problem_from_dict({**data, "clearance": {"scene": 0.002}})
-    found = op.plan(asked, budget=5.0)
+    found = planned_until(asked)
     assert found.verified, (found.failure, found.report)
     ended = derived(asked, scene=asked.scene.ending_at(asked.start, asked.start))
     alone = Carrier(ended, PLATE).problem

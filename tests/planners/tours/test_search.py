@@ -135,7 +135,7 @@ def test_better_tours_are_told_on_the_way(problem):
     progress = Told()
     targets = [{"position": place, "axis": [1, 0, 0]} for place in PLACES]
     own = op.Problem("ur5", "ready", task=op.Tour(targets), scene=[WALL])
-    found = plan_with(own, "trajopt", {}, Budget(2.5), progress)
+    found = plan_with(own, "trajopt", {}, Budget(1.5), progress)
     assert found.verified
     durations = [motion.duration for motion in progress.found_motions]
     assert durations == sorted(durations, reverse=True)

@@ -83,7 +83,7 @@ def test_every_improvement_is_told_with_duration_and_bound(problems: Path) -> No
         def found(self, trajectory: Trajectory, bound: float) -> None:
             told.append((trajectory, bound))
 
-    problem = load_problem(problems / "02_shelf.yaml")
+    problem = load_problem(problems / "12_planar.yaml")
     result = TrajOpt(TrajOptOptions(seeds=2)).plan(problem, Budget(30.0), Watch())
     assert result.trajectory is not None
     durations = [trajectory.duration for trajectory, _ in told]

@@ -14,12 +14,12 @@ from optiplan.robot.self_collision.pairs import ADJACENT, PROVED
 PACKAGE = ("panda",)
 """Proved in seconds; `benchmarks/pair_samples.py` takes more of the package, arms and bodies with legs."""
 
-COUNT = 20_000
+COUNT = 6_000
 
 
 @pytest.mark.parametrize("name", [*robot_names(), *(f"package/{robot}" for robot in PACKAGE)])
 def test_no_unchecked_pair_collides_in_random_configurations(name, tmp_path):
-    """Pairs proved apart, in 20,000 configurations; what the user declares, is fixed or always touches is aside."""
+    """Pairs proved apart, in 6,000 configurations; what the user declares, is fixed or always touches is aside."""
     if name.startswith("package/"):
         if not package_robots():
             pytest.skip("example-robot-data is not installed")

@@ -124,7 +124,7 @@ def test_a_server_that_is_stopped_stops_its_robot_and_leaves_its_run_to_the_next
         Client(server.url) as client,
     ):
         executed(server)
-        run = HTTP.post(f"{server.url}/api/runs", json={"problem": slow, "budget": 4.0}).json()["id"]
+        run = HTTP.post(f"{server.url}/api/runs", json={"problem": slow, "budget": 3.0}).json()["id"]
         watcher = threading.Thread(target=watch)
         watcher.start()
         events = client.watch(run)

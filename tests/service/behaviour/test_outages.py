@@ -258,7 +258,7 @@ def test_a_signal_ends_a_process_in_which_something_hangs():
 
 
 def test_events_have_numbers_and_are_resumed(server):
-    run = server.submit(problem=NO_WAY, budget=1.5, seed=907)["id"]
+    run = server.submit(problem=NO_WAY, budget=1.0, seed=907)["id"]
     first = events_of(server, run)
     numbers = [int(number) for number, event in first if number]
     assert numbers == sorted(set(numbers))
@@ -273,7 +273,7 @@ def test_events_have_numbers_and_are_resumed(server):
 
 def test_a_stream_survives_a_database_that_goes_away(server, monkeypatch):
     away = DatabaseAwayError("it is gone", False)
-    run = server.submit(problem=NO_WAY, budget=3.0, seed=908)["id"]
+    run = server.submit(problem=NO_WAY, budget=1.5, seed=908)["id"]
     look = Breaking(server.service.archive.runs.events_after, away, times=2)
     monkeypatch.setattr(server.service.archive.runs, "events_after", look)
     found = events_of(server, run)
@@ -311,7 +311,7 @@ def test_events_of_one_run_are_written_in_order_and_bad_ones_alone_are_lost(tmp_
 
 @pytest.mark.parametrize("kind", ["SQLite", pytest.param("PostgreSQL", marks=needs_postgres)])
 def test_a_server_and_a_worker_live_through_an_outage(kind):
-    found = outage_round(kind, 2.0)
+    found = outage_round(kind, 1.0)
     assert found.faults == []
     assert found.answered == 8
 

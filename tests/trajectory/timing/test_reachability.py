@@ -5,10 +5,6 @@ import logging
 import numpy as np
 import pytest
 from scipy.optimize import linprog
-from toppra.algorithm import TOPPRA
-from toppra.constraint import LinearConstraint
-from toppra.constraint.linear_constraint import canlinear_colloc_to_interpolate
-from toppra.interpolator import AbstractGeometricPath
 
 from optiplan.trajectory.timing.path_constraints import Rows, ToolLimits, rows_at
 from optiplan.trajectory.timing.reachability import fastest_law
@@ -126,6 +122,11 @@ def test_a_place_that_cannot_be_stood_at_is_passed_with_momentum_or_not_at_all(h
 
 def library_speeds(rows):
     """Return sd at the points, by the solver of the library."""
+    from toppra.algorithm import TOPPRA  # with pyplot: a second of each worker where it collects tests
+    from toppra.constraint import LinearConstraint
+    from toppra.constraint.linear_constraint import canlinear_colloc_to_interpolate
+    from toppra.interpolator import AbstractGeometricPath
+
     m = rows.A.shape[1]
     F, g = np.vstack([np.eye(m), -np.eye(m)]), np.tile(rows.bound, 2)
     squared = np.column_stack([np.zeros(len(rows.s)), np.minimum(rows.speed, 1e6) ** 2])

@@ -45,7 +45,7 @@ def test_a_motion_that_shaves_is_refused_and_one_planned_for_it_is_proved(shelf)
     check = collision(report)
     assert check.detail.startswith("bodies come nearer than the 5 mm required of them")
     assert 0.0 < check.worst < 0.005 == check.limit
-    run = op.plan(asked, budget=1.5)
+    run = planned_until(asked)
     assert run.verified, run
     check = collision(run.report)
     assert min(check.witness["scene_clearance"], check.witness["self_clearance"]) == check.worst > check.limit == 0.005
@@ -73,7 +73,7 @@ def test_a_start_nearer_than_asked_keeps_most_of_its_distance_and_the_report_say
     check = collision(shelf.report)
     near = shelf.trajectory(check.time)
     problem = shelf.problem.with_start(near).with_parts(clearance=op.Safety(0.005, own=0.005, within=0.6))
-    run = op.plan(problem, budget=1.5)
+    run = planned_until(problem)
     assert run.verified, run
     check = collision(run.report)
     (one, *_) = check.witness["nearer"]
@@ -92,7 +92,7 @@ def test_a_goal_pose_that_no_configuration_reaches_clear_is_reached_nearer():
     stand = op.Box("stand", size=(0.2, 0.2, 0.2), position=(0.5, 0.0, 0.1))
     goal = op.Pose((0.5, 0.0, 0.2125), rpy=(np.pi, 0, 0))  # fingertips 3 mm above it
     problem = op.Problem("panda", "ready", goal, scene=op.Scene([stand], safety=0.01))
-    run = op.plan(problem, budget=1.5)
+    run = planned_until(problem)
     assert run.verified, run
     check = collision(run.report)
     assert {tuple(one["pair"]) for one in check.witness["nearer"]} >= {("panda_leftfinger", "stand")}

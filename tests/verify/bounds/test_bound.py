@@ -25,7 +25,7 @@ BLOCKS = (
 )
 
 
-@pytest.fixture(scope="module", params=BLOCKS, ids=lambda block: block.name)
+@pytest.fixture(scope="module", params=BLOCKS[::2], ids=lambda block: block.name)
 def blocked(request):
     """A planar arm that has to fold to get past an obstacle, with limits of speed alone."""
     problem = op.load_problem("12_planar").with_scene([request.param])
@@ -75,7 +75,7 @@ def test_the_bound_is_below_and_near_what_brute_force_finds_on_a_planar_arm(bloc
 def test_no_motion_that_is_planned_is_shorter_than_the_bound(name):
     problem = op.load_problem(name)
     run = op.plan(problem, budget=4.0)
-    found = op.bound(problem, budget=1.5)  # without the motion: nothing of it is used
+    found = op.bound(problem, budget=0.8)  # without the motion: nothing of it is used
     assert run.verified
     assert found.alone <= found.seconds <= run.duration
     assert run.duration == pytest.approx(found.seconds * (1.0 + found.gap(run.duration)))
@@ -83,7 +83,7 @@ def test_no_motion_that_is_planned_is_shorter_than_the_bound(name):
 
 @needs_core
 def test_obstacles_raise_the_bound_and_the_history_tells_when():
-    found = op.bound(op.load_problem("12_planar"), budget=2.0)
+    found = op.bound(op.load_problem("12_planar"), budget=1.5)
     assert found.seconds > 1.2 * found.alone
     assert found.joints == ("joint1", "joint2") or len(found.joints) == 2
     assert found.history[0] == (0.0, found.alone)
@@ -103,7 +103,7 @@ def test_a_goal_that_obstacles_cut_off_ends_the_search_at_a_bound_that_can_be_re
 def test_of_several_goals_the_bound_is_that_of_the_nearest():
     one = op.load_problem("12_planar")
     near = one.with_goal([-1.1, 0.4], [0.8, 0.5])
-    assert op.bound(near, budget=1.0).seconds < op.bound(one, budget=1.0).seconds
+    assert op.bound(near, budget=0.5).seconds < op.bound(one, budget=0.5).seconds
 
 
 def test_without_obstacles_it_is_what_the_slowest_joint_needs():

@@ -62,6 +62,7 @@ def test_what_is_drawn_from_the_process_s_generators_no_other_run_decides(write_
     assert by_seed[0] != by_seed[1]
 
 
+@pytest.mark.usefixtures("one_figure_of_measures")
 def test_pinned_workers_stay_on_a_core_each(write_suite, tmp_path, capsys):
     path = write_suite(count=3, planners=["bench_planners:Draws"])
     words = ["bench", str(path), "--out", str(tmp_path / "out"), "--workers", "1", "--pin"]

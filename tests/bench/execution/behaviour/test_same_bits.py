@@ -22,7 +22,7 @@ BOXES = [
 ]
 """Of three problems, size, position and turn about z of boxes in the way: some along the axes, which decides how
 coal rounds boxes where nobody has asked it before (`geometry/coal_queries.py`)."""
-PLANNERS = ["quintic", "rrtconnect", "prm"]
+PLANNERS = ["quintic", "rrtconnect", {"name": "prm", "vertices": 200}]
 
 
 class Enough(Exception):

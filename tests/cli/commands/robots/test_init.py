@@ -90,7 +90,9 @@ def covers(folder):
 @pytest.mark.parametrize("why", ["they are kept", "nothing can be kept"])
 def test_no_process_is_started_where_that_would_be_in_vain(optiplan, meshed, tmp_path, monkeypatch, why):
     if why == "they are kept":
+        monkeypatch.setattr(mesh_covers, "cores", lambda: 1)  # cut in this process, which is quicker
         assert optiplan("robots", "init", meshed, "--no-ask", "--out", tmp_path / "first")[0] == 0
+        monkeypatch.setattr(mesh_covers, "cores", lambda: 2)
     else:
         (tmp_path / "cache").touch()
     monkeypatch.setattr(mesh_covers, "run_chunks", lambda *_: pytest.fail("started"))

@@ -98,7 +98,7 @@ def test_a_constraint_holds_for_its_part_of_the_motion_only(problem):
 def test_contradictory_constraints_are_a_failure_that_names_one(problem):
     high = {"plane": {"normal": [0, 0, 1], "offset": 0.8, "within": 0.01, "during": [0.4, 0.6]}}
     low = {"position": {"box": {"size": [2.0, 2.0, 1.2], "pose": {"position": [0, 0, 0.1]}}}}
-    run = op.plan(problem.with_constraints(high, low), budget=3.0)
+    run = op.plan(problem.with_constraints(high, low), budget=1.5)
     assert not run.verified
     assert run.failure.kind == "constraint"
     assert run.failure.witness["constraint"] in ("plane", "position")
