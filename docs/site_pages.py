@@ -5,7 +5,6 @@ commands are those of the program, the planners those of the registry, the examp
 """
 
 import ast
-import gc
 import re
 from collections.abc import Iterator
 from itertools import takewhile
@@ -22,9 +21,6 @@ from optiplan.planners.registry import FAMILIES, PLANNERS
 
 ROOT = Path(__file__).parent.parent
 FIGURES = ROOT / "benchmarks" / "figures"
-
-
-gc.disable()  # a process that makes the site and ends: looking for garbage takes a tenth of the time
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
