@@ -102,6 +102,7 @@ def pixels(page) -> np.ndarray:
 
     page.evaluate("""() => new Promise((done) => {
       undrawn = false;
+      for (const ghost of optiplan.scene.outlines.ghosts) ghost.seen = "";  // kept pictures, of no triangles
       optiplan.scene.dirty();
       requestAnimationFrame(() => requestAnimationFrame(done));
     })""")

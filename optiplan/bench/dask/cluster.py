@@ -204,8 +204,9 @@ def connected_client(address: str) -> Any:
 
 
 def _is_news(record: logging.LogRecord) -> bool:
-    """Drop the traceback of a reconnection that our `close` ends: the error of the lost scheduler is ours."""
-    return not (record.exc_info and isinstance(record.exc_info[1], CancelledError))
+    """Drop what is said of a reconnection that our `close` ends: the error of the lost scheduler is ours."""
+    ended = record.exc_info and isinstance(record.exc_info[1], CancelledError)
+    return not (ended or record.getMessage().startswith("Failed to reconnect to scheduler"))
 
 
 def _connect(client: Callable[..., Any], address: str) -> Any:

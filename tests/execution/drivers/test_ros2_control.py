@@ -64,7 +64,7 @@ def test_a_motion_arrives_and_stays_on_its_path(run, robot, monkeypatch):
 
 def test_without_us_the_robot_stops_on_its_path(run, robot):
     """Each goal ends in the proved stop: here our connection ends."""
-    execution = execution_of(run, robot, override=0.5)
+    execution = execution_of(run, robot, override=0.5, oldest=3.0)
     execution.start()
     until(lambda: execution.snapshot()["place"] > 0.15)
     execution._driver._ros.close()  # as a cable that is pulled
@@ -78,7 +78,7 @@ def test_without_us_the_robot_stops_on_its_path(run, robot):
 
 @pytest.mark.parametrize(("fault", "reason"), [("scaling", "scales its speed to 50%"), ("refuse", "ABORTED: no")])
 def test_a_robot_that_does_otherwise_ends_in_a_stop(run, robot, fault, reason):
-    execution = execution_of(run, robot, override=0.5)
+    execution = execution_of(run, robot, override=0.5, oldest=3.0)
     execution.start()
     until(lambda: execution.snapshot()["place"] > 0.1)
     setattr(robot, fault, 50.0 if fault == "scaling" else True)
@@ -102,7 +102,7 @@ def test_goals_never_begin_by_a_clock_that_leapt(run, robot, leap):
 
 
 def test_the_client_does_not_connect_again(run, robot):
-    execution = execution_of(run, robot, override=0.5)
+    execution = execution_of(run, robot, override=0.5, oldest=3.0)
     execution._driver._ros.factory._reconnect_delay = 0.05
     execution.start()
     until(lambda: execution.snapshot()["place"] > 0.1)
