@@ -101,7 +101,7 @@ class Watched:
         return found if self._wall or self.seconds[-1:] <= [cut] else None
 
     def seek(self, *arguments: Any) -> None:
-        """Note when the first motion was asked for."""
+        """Note when the first motion was requested."""
         if self._inner._asked is None:
             vars(self).update(begun=time.perf_counter())
         self._inner.seek(*arguments)

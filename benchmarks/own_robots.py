@@ -142,7 +142,7 @@ def _spread(values: list[float | None]) -> str:
 
 
 def main() -> None:
-    """Measure the robots that are asked for."""
+    """Measure the robots that are named."""
     parser = table_parser(__doc__)
     parser.add_argument("--robots", nargs="+", choices=ROBOTS, default=list(ROBOTS))
     parser.add_argument("--count", type=int, default=5, help="problems of each robot")

@@ -9,7 +9,7 @@ from optiplan.records import dataclass
 from optiplan.workspace.reach import Reach
 
 DIRECTIONS = 32
-"""Directions of the tool's z axis that are told apart in a voxel."""
+"""Directions of the tool's z axis that are distinguished in a voxel."""
 
 
 class Coverage(NamedTuple):

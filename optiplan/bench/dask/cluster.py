@@ -1,4 +1,4 @@
-"""A workforce on a Dask cluster: the scheduler spreads tasks over its workers, each of which runs them in slots."""
+"""A workforce on a Dask cluster: the scheduler spreads tasks over its workers, which run them in slots."""
 
 import logging
 import queue
