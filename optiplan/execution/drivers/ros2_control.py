@@ -84,8 +84,7 @@ class Ros2ControlDriver:
         for argument, value in texts.items():
             if not isinstance(value, str) or not value.strip():
                 raise wrong_argument("driver", argument, described(value), "a name")
-        whole_argument("driver", "port", port, 1)
-        number_argument("driver", "port", port, "a port of at most 65535", most=65535)
+        whole_argument("driver", "port", port, 1, most=65535)
         self._full = number_argument("driver", "full_speed", full_speed, "a finite number > 0", above=0.0)
         self._names = tuple(run.problem.robot.joint_names)
         self._lock, self._fault = threading.Lock(), ""
