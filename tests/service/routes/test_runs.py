@@ -272,8 +272,10 @@ def test_a_deadline_ends_a_run(server):
     run = server.submit(problem=NO_WAY, budget=60.0, deadline=1.0)["id"]
     began = time.monotonic()
     failed = server.ended(run)
-    assert (failed["status"], failed["page"]) == ("failed", False)
-    assert server.http.get(f"/runs/{run}").status_code == 404
+    planned = failed["failure"]["kind"] == "no-path"  # the planner said so in time; else its process was ended
+    assert planned or failed["failure"]["kind"] == "deadline"
+    assert (failed["status"], failed["page"]) == ("failed", planned)
+    assert server.http.get(f"/runs/{run}").status_code == (200 if planned else 404)
     assert time.monotonic() - began < 30.0  # of the 60 that it had, on a busy machine
 
 
