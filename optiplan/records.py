@@ -174,6 +174,8 @@ class _Arguments:
 class _Later:
     """Stands for an attribute of a class until somebody looks it up; for `__init__`, until somebody does in the class.
 
+    `inspect.signature` binds it to the class itself, from Python 3.13 on.
+
     Attributes:
         first: the `__init__` of the first instances.
     """
@@ -183,7 +185,7 @@ class _Later:
         self.first: Callable[..., None] | None = None
 
     def __get__(self, instance: Any, owner: type) -> Any:
-        if self._name == "__init__" and instance is not None:
+        if self._name == "__init__" and isinstance(instance, self._recipe.cls):
             return (self.first or self._recipe.initialiser(self)).__get__(instance, owner)
         made = self._recipe.make(self._name, self)
         return made.__get__(instance, owner) if self._name in _OPTIONS else made
