@@ -103,7 +103,7 @@ def _look_for_garbage() -> None:
     gc.set_threshold(YOUNG_OBJECTS)
 
 
-class _LastResort(threading.Thread):
+class _LastResort:
     """Ends the process where a signal does not: threads may hang in a library or in the kernel.
 
     As a context: what is within has `GRACE` s from `begin`, and threads that are left have `LINGER` s from its exit.
@@ -111,7 +111,6 @@ class _LastResort(threading.Thread):
     """
 
     def __init__(self) -> None:
-        super().__init__(name="last resort", daemon=True)
         self._reading, self._writing = os.pipe()
         self._code = 0
 
@@ -120,14 +119,14 @@ class _LastResort(threading.Thread):
         os.write(self._writing, _BEGIN)
 
     def __enter__(self) -> "_LastResort":
-        self.start()
+        threading.Thread(target=self._watch, name="last resort", daemon=True).start()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self._code = 0 if kind is None else 1
         os.write(self._writing, _END)
 
-    def run(self) -> None:
+    def _watch(self) -> None:
         """Wait for the signal, then for the end."""
         if os.read(self._reading, 1) == _END:
             return

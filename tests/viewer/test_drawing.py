@@ -192,8 +192,8 @@ def test_a_socket_that_fails_ends_the_thread_loudly(endpoint, troubles, monkeypa
 
     monkeypatch.setattr(endpoint, "_take", fails)
     monkeypatch.setattr(endpoint, "_answer_waiting", fails)
-    endpoint.join(PATIENCE)
-    assert not endpoint.is_alive()
+    endpoint._thread.join(PATIENCE)
+    assert not endpoint._thread.is_alive()
     assert troubles[0].startswith("meshcat can draw no longer: ")
     assert "ZMQError" in capsys.readouterr().err
 

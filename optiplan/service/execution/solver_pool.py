@@ -117,7 +117,7 @@ class SolverPool:
     def start(self) -> None:
         """Start all processes, without waiting for them."""
         for slot in self._slots:
-            slot.start()
+            slot.thread.start()
 
     def submit(self, lane: Lane, job: SolverJob) -> "Future[SolverAnswer]":
         """Have a job done by the next free process of a lane."""
@@ -145,7 +145,7 @@ class SolverPool:
     @property
     def ended(self) -> list[str]:
         """Names of the threads that have ended, or hang."""
-        return [slot.name for slot in self._slots if not slot.serves]
+        return [slot.thread.name for slot in self._slots if not slot.serves]
 
     def waiting(self, lane: Lane) -> int:
         """How many jobs of a lane no process has begun."""
@@ -162,8 +162,8 @@ class SolverPool:
             slot.wake()
         until = time.monotonic() + CLOSING
         for slot in self._slots:
-            if slot.is_alive():
-                slot.join(max(0.0, until - time.monotonic()))
+            if slot.thread.is_alive():
+                slot.thread.join(max(0.0, until - time.monotonic()))
         for jobs in self._jobs.values():
             while not jobs.empty():
                 job = jobs.get_nowait()
@@ -171,14 +171,14 @@ class SolverPool:
                     job.future.set_result(SolverAnswer(death="cancelled", detail="the server stopped"))
 
 
-class _Slot(threading.Thread):
+class _Slot:
     """One process and the thread that started it: processes die with that thread."""
 
     def __init__(
         self, settings: ServiceSettings, lane: Lane, jobs: "queue.Queue[SolverJob | None]", stop: threading.Event
     ) -> None:
-        super().__init__(name=f"solver-{lane}", daemon=True)
-        self._settings, self._lane, self._jobs, self._stop_event = settings, lane, jobs, stop
+        self._settings, self._lane, self._jobs, self._stop = settings, lane, jobs, stop
+        self.thread = threading.Thread(target=self._serve, name=f"solver-{lane}", daemon=True)
         self._worker: WorkerProcess | None = None
         self._at_need = lane in AT_NEED
         self.warm = self._at_need
@@ -196,11 +196,11 @@ class _Slot(threading.Thread):
     @property
     def serves(self) -> bool:
         """Whether the thread lives and looks at the clock."""
-        return self.is_alive() and time.monotonic() - self._seen < STUCK
+        return self.thread.is_alive() and time.monotonic() - self._seen < STUCK
 
-    def run(self) -> None:
+    def _serve(self) -> None:
         """Serve jobs until the pool is closed."""
-        while not self._stop_event.is_set():
+        while not self._stop.is_set():
             self._seen = time.monotonic()
             with self._survived("failed; its process is exchanged"):
                 self._serve_one()
@@ -212,8 +212,8 @@ class _Slot(threading.Thread):
         try:
             yield
         except BaseException:
-            _log.exception("%s %s", self.name, what)
-            self._stop_event.wait(RESPITE)
+            _log.exception("%s %s", self.thread.name, what)
+            self._stop.wait(RESPITE)
 
     def _serve_one(self) -> None:
         """Serve the next job, if there is one soon; its future is set whatever happens."""
@@ -257,7 +257,7 @@ class _Slot(threading.Thread):
     def _set_up(self, worker: WorkerProcess) -> bool:
         """Wait for a new process and have it load what its jobs need; return whether it is ready."""
         began = time.monotonic()
-        while not (worker.pid or worker.gone or self._stop_event.is_set() or time.monotonic() - began > START):
+        while not (worker.pid or worker.gone or self._stop.is_set() or time.monotonic() - began > START):
             worker.greet(POLL)
             self._seen = time.monotonic()
         set_up = {
@@ -301,7 +301,7 @@ class _Slot(threading.Thread):
         if worker.gone:
             death = worker.autopsy()
             return SolverAnswer(death=death.kind, detail=f"{death.detail} {death.how}".strip())
-        if job.cancel.is_set() or self._stop_event.is_set():
+        if job.cancel.is_set() or self._stop.is_set():
             return SolverAnswer(death="cancelled", detail="cancelled")
         if time.monotonic() > deadline:
             return SolverAnswer(death="timeout", detail=f"no answer within the hard limit of {job.wall:.3g} s")

@@ -37,7 +37,7 @@ class _Waiting:
     until: float = 0.0
 
 
-class MeshcatEndpoint(threading.Thread):
+class MeshcatEndpoint:
     """Answers scripts on this machine, from `start` to `close`, in a thread of its own.
 
     A message that cannot be drawn is answered with `error: …`, told to `on_trouble` and shown on the pages; the next
@@ -63,7 +63,6 @@ class MeshcatEndpoint(threading.Thread):
         page: Callable[[], str],
         on_trouble: Callable[[str], None],
     ) -> None:
-        super().__init__(name="meshcat endpoint", daemon=True)
         self._drawing, self._web_url, self._page, self._on_trouble = drawing, web_url, page, on_trouble
         self._context = zmq.Context()
         self._socket = self._context.socket(zmq.ROUTER)
@@ -77,15 +76,20 @@ class MeshcatEndpoint(threading.Thread):
         self.url = self._socket.getsockopt_string(zmq.LAST_ENDPOINT).rstrip("\0")
         self._waiting: list[_Waiting] = []
         self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._serve, name="meshcat endpoint", daemon=True)
+
+    def start(self) -> None:
+        """Answer from now on."""
+        self._thread.start()
 
     def close(self) -> None:
         """Answer no longer; a second time does nothing."""
         self._closing.set()
-        if self.is_alive():
-            self.join()
+        if self._thread.is_alive():
+            self._thread.join()
         self._context.destroy()
 
-    def run(self) -> None:
+    def _serve(self) -> None:
         """Answer until `close`; see the class for what goes wrong."""
         try:
             while not self._closing.is_set():
