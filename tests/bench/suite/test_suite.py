@@ -131,7 +131,7 @@ def test_mistakes_in_planners_and_metrics_are_told_with_their_line(refused, prob
     [
         ("{glob: 'none*.yaml'}", "no file matches"),
         ("{glob: '${NOT_SET_ANYWHERE}/a.yaml'}", "'${NOT_SET_ANYWHERE}/a.yaml'"),
-        ("{glob: 'a**b'}", "Invalid pattern"),
+        ("{glob: 'a**b'}", "a**b"),  # refused until Python 3.12, in 3.13 it matches nothing
         ("{glob: '*.yaml', set: ../up}", "'../up'"),
         ("{mbm: .}", "no scene*.yaml with request*.yaml"),
         ("{glob: 'bad.yaml'}", "nothing"),
