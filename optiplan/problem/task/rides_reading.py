@@ -56,7 +56,6 @@ class RideReader:
 
     def __init__(self, compiler: Compiler, scene: Scene) -> None:
         self._compiler = compiler
-        self._scene = scene
         self.movers = {name: _mover(name, said) for name, said in _frames(compiler).items()}
         for body in scene.dynamic_obstacles:
             if body.motion is not None:
