@@ -28,16 +28,11 @@ def test_intervals_of_shares_cover_the_truth_where_runs_of_a_problem_are_alike(m
     """Problems of which most are always solved or never: 40 of them, 15 runs each, 400 experiments."""
     monkeypatch.setattr(intervals_and_tests, "SHARE_RESAMPLES", 1000)
     rng = np.random.default_rng(1)
-    ours = independent = 0
-    for seed in range(400):
-        chance = rng.beta(mean * alike, (1.0 - mean) * alike, 40)
-        verified = rng.binomial(15, chance).astype(float)
-        (found,) = share_intervals(verified[:, None], np.full((40, 1), 15.0), seed)
-        low, high = wilson(verified.sum(), 600)
-        ours += found.low <= mean <= found.high
-        independent += low <= mean <= high
-    assert 0.93 <= ours / 400 <= 0.99
-    assert independent / 400 < 0.70
+    verified = rng.binomial(15, rng.beta(mean * alike, (1.0 - mean) * alike, (40, 400))).astype(float)
+    ours = share_intervals(verified, np.full((40, 400), 15.0))
+    independent = [wilson(solved, 600) for solved in verified.sum(axis=0)]
+    assert 0.93 <= np.mean([one.low <= mean <= one.high for one in ours]) <= 0.99
+    assert np.mean([low <= mean <= high for low, high in independent]) < 0.70
 
 
 def test_the_ends_of_a_share_s_interval_hardly_depend_on_the_seed():

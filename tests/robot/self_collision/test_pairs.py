@@ -23,10 +23,7 @@ FOLDING = chain(*(joint(f"j{i}", a, b, inside=FREE) for i, (a, b) in enumerate([
 """Boxes of 0.1 m on joints 0.5 m apart: the last comes back to the first ones, its neighbours never touch."""
 
 
-@pytest.fixture(autouse=True)
-def own_cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    return tmp_path / "cache/optiplan"
+pytestmark = pytest.mark.usefixtures("own_cache")
 
 
 def checked(robot):
