@@ -84,8 +84,6 @@ def _at(time: float, count: int, run: Indices, answers: tuple[Array, Array]) -> 
 
 
 def _median(ratio: Array, problem: Indices) -> Interval:
-    if len(ratio) == 0:
-        return Interval(float("nan"), float("nan"), float("nan"))
     found = median_interval(np.minimum(ratio, NEVER), problem)
     # Medians and ends of intervals lie between two values, so they may take a small part of NEVER.
     return Interval(*(np.inf if value > 1e-3 * NEVER else value for value in found))
