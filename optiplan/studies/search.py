@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from optiplan.arrays import Array, Index
-from optiplan.errors import InputError, OptiPlanError
+from optiplan.errors import OptiPlanError
 from optiplan.planners.base import Budget, Progress, silent
 from optiplan.records import dataclass
 from optiplan.studies.measures import DesignMeasures
@@ -59,7 +59,7 @@ class DesignJudge:
         """Measure the design with these parameters (p,)."""
         try:
             measures = self._measures.of(self.study.values(x))
-        except (InputError, OptiPlanError):
+        except OptiPlanError:
             return Design(x, {}, _BROKEN)
         return Design(x, measures, sum(self.missed(measures).values()))
 

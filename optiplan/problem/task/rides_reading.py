@@ -94,7 +94,7 @@ class RideReader:
             return replace(action, mover=mover), ride
         elif ride is not None and isinstance(action, Move):
             if shared := set(action.joints) & set(ride.joints):
-                found = f"{sorted(shared)[0]}, a joint that goes with '{ride.mover.name}'"
+                found = f"{min(shared)}, a joint that goes with '{ride.mover.name}'"
                 self._report((*place, "group"), found, "other joints, such as those of the fingers")
         elif ride is not None and not isinstance(action, Dwell | WaitUntil):
             found = f"a {spec.kind} while the arm goes with '{ride.mover.name}'"
