@@ -39,7 +39,7 @@ def read_srdf(path: Path, renamed: Mapping[str, str]) -> Srdf:
     disabled = {}
     for item in root.iter("disable_collisions"):
         a, b = (renamed.get(name, name) for name in (item.get("link1", ""), item.get("link2", "")))
-        disabled[link_pair(a, b)] = item.get("reason") or "User"
+        disabled[link_pair(a, b)] = one_line(item.get("reason") or "User")
     notes: list[str] = []
     return Srdf(disabled, _states(root, notes), notes)
 
