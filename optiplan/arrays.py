@@ -65,6 +65,11 @@ def is_finite(value: Any) -> TypeGuard[float]:
         return False
 
 
+def finite_or_none(value: float) -> float | None:
+    """Return a number as JSON has it; NaN and the infinities are null there."""
+    return float(value) if math.isfinite(value) else None
+
+
 def is_listed(value: Any) -> bool:
     """Whether it is a list of whatever kind: no text, mapping, or array of a single number."""
     shape: Any = getattr(value, "shape", None)

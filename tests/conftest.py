@@ -146,6 +146,13 @@ def by_hand(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 
 @pytest.fixture
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of a test's own cache, which is empty at first."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache/optiplan"
+
+
+@pytest.fixture
 def urgent() -> Iterator[None]:
     """A test's loops in real time, and the processes that it starts, come before other tests where that is allowed."""
     before = os.getpriority(os.PRIO_PROCESS, 0)

@@ -10,18 +10,17 @@ from concurrent.futures import ThreadPoolExecutor
 
 import casadi
 import pytest
+import trimesh
+from trimesh.transformations import translation_matrix
 
 from optiplan import cache
 from optiplan.errors import InputError
 from optiplan.kinematics.symbolic.compiled import as_machine_code
 from optiplan.robot.robot import load_robot
 from optiplan.service.settings import default_data
+from tests.robot.robots import LINK, TWO, write_robot
 
-
-@pytest.fixture(autouse=True)
-def own_cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    return tmp_path / "cache/optiplan"
+pytestmark = pytest.mark.usefixtures("own_cache")
 
 
 @pytest.mark.parametrize("content", [b"", b"content", bytes(range(256)) * 40])
@@ -140,19 +139,21 @@ def test_what_is_no_file_is_not_opened(own_cache):
     assert not [path for path in own_cache.iterdir() if path.name.startswith("tmp")]
 
 
-def test_no_cache_of_a_robot_can_end_a_run(own_cache, tmp_path, problems):
-    """`robot.yaml` of the Panda without SRDF, in pieces: every cache that loading a robot has."""
-    source = problems.parent / "robots/panda"
-    (tmp_path / "robot.yaml").write_text(
-        f"version: 1\nname: two\nurdf: {source / 'panda.urdf'}\n"
-        "group: [panda_joint1]\ncollision: {convex_pieces: [panda_link5]}\n"
-    )
-    first = load_robot(str(tmp_path / "robot.yaml"))
-    files = [path for path in own_cache.rglob("*") if path.is_file()]
-    assert {path.parent.name for path in files} >= {"pieces"}
-    for k, path in enumerate(files):
-        path.write_bytes(DAMAGE[("empty", "cut")[k % 2]](path.read_bytes()))
-    again = load_robot(str(tmp_path / "robot.yaml"))
+def test_no_cache_of_a_robot_can_end_a_run(own_cache, tmp_path):
+    """A robot of an L in pieces, a ball and a box: every cache that loading a robot has."""
+    sizes, at = [(0.4, 0.05, 0.05), (0.05, 0.4, 0.05)], [(0.0, 0.0, 0.0), (0.225, 0.175, 0.0)]
+    bars = [trimesh.creation.box(*one) for one in zip(sizes, map(translation_matrix, at), strict=True)]
+    trimesh.util.concatenate(bars).export(tmp_path / "a.obj")
+    trimesh.creation.icosphere(subdivisions=1, radius=0.1).export(tmp_path / "b.obj")
+    body = '<link name="{0}"><collision><geometry><mesh filename="{1}/{0}.obj"/></geometry></collision></link>'
+    links = [*(body.format(name, tmp_path) for name in "ab"), LINK.format("c")]
+    path = write_robot(tmp_path, [*links, *TWO[3:]], "collision: {convex_pieces: [a]}\n")
+    first = load_robot(str(path))
+    files = [file for file in own_cache.rglob("*") if file.is_file()]
+    assert {file.parent.name for file in files} == {"covers", "hulls", "meshes", "pairs", "pieces"}
+    for k, file in enumerate(files):
+        file.write_bytes(DAMAGE[("empty", "cut")[k % 2]](file.read_bytes()))
+    again = load_robot(str(path))
     assert dict(again.allowed) == dict(first.allowed)
     assert again.link_geometry == first.link_geometry
 

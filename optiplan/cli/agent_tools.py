@@ -55,8 +55,7 @@ def schema() -> str:
 
 def list_robots() -> str:
     """List the bundled robots, the planners and the example problems, each with what it is."""
-    examples = {name: first for name, first in _examples()}
-    return _answer({"robots": dict(op.robots()), "planners": dict(op.planners()), "examples": examples})
+    return _answer({"robots": dict(op.robots()), "planners": dict(op.planners()), "examples": dict(_examples())})
 
 
 def check_problem(problem: Text) -> str:

@@ -35,10 +35,8 @@ def open_runs(places: Sequence[Path]) -> tuple[Problem, list[ViewedRun]]:
         InputError: a run is broken, or of another robot than the first.
     """
     stored = [load_run(place) for place in places]
-    issues = []
-    for run in stored:
-        if "problem" not in run.record:
-            issues.append(Issue(str(run.place), None, "file", "a trajectory without its problem", "a run folder"))
+    alone = [str(run.place) for run in stored if "problem" not in run.record]
+    issues = [Issue(place, None, "file", "a trajectory without its problem", "a run folder") for place in alone]
     if issues:
         raise InputError(issues)
     problems: dict[str, Problem] = {}

@@ -75,13 +75,10 @@ class Document:
         """Path in the data that a pydantic location means: names of union members in it are left out."""
         value, place = self.data, []
         for key in loc:
-            if isinstance(value, dict) and key in value:
+            listed = isinstance(value, list) and isinstance(key, int) and 0 <= key < len(value)
+            if listed or (isinstance(value, dict) and key in value):
                 value = value[key]
-            elif isinstance(value, list) and isinstance(key, int) and 0 <= key < len(value):
-                value = value[key]
-            else:
-                continue
-            place.append(key)
+                place.append(key)
         return tuple(place)
 
     def issue(self, path: Sequence[str | int], found: str, expected: str) -> Issue:

@@ -12,6 +12,7 @@ from optiplan.arrays import Array
 from optiplan.geometry.poses import pose_to_data
 from optiplan.importers.robots.polyhedra import obj_text
 from optiplan.problem.schema.scene import WORLD
+from optiplan.robot.frames import link_names
 from optiplan.robot.robot import Robot
 
 Data = Mapping[str, Any]
@@ -125,7 +126,7 @@ class SceneConverter:
 
     def __init__(self, robot: Robot, frames: Frames, prefix: str) -> None:
         self.robot, self.frames, self.prefix = robot, frames, prefix
-        self.links = [f.name for f in robot.model.frames if f.type == pin.FrameType.BODY]
+        self.links = link_names(robot.model)
         self.obstacles: list[dict[str, Any]] = []
         self.attached: list[dict[str, Any]] = []
         self.meshes: dict[str, str] = {}

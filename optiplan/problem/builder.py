@@ -36,6 +36,7 @@ from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.schema import RegionSpec
 from optiplan.problem.schema.ends import RATES, AlternativeSpec, ConfigurationSpec, PlacedFrameSpec, StartSpec, ViaSpec
 from optiplan.problem.schema.scene import AttachedSpec, ObstacleSpec
+from optiplan.robot.frames import frame_names, link_names
 from optiplan.robot.mounting import GRAVITY, Mounting
 from optiplan.robot.reference import ROBOTS
 from optiplan.robot.robot import DESCRIPTION, Robot, load_robot, robot_file
@@ -182,8 +183,8 @@ class Compiler:
 
         found: list[LocatedValue[PathConstraint]] = []
         valid = {
-            "frame": {*frame_names(robot), robot.tool_frame},
-            "body": {*link_names(robot), *scene.names},
+            "frame": {*frame_names(robot.model), robot.tool_frame},
+            "body": {*link_names(robot.model), *scene.names},
             "joint": set(robot.joint_names),
         }
         for part in parts:
@@ -269,8 +270,8 @@ class Compiler:
     def frame(self, robot: Robot, place: Place, name: str | None) -> str | None:
         """Return the frame of a goal, the tool frame without a name, if it is known."""
         frame = robot.tool_frame if name is None else name
-        if frame != robot.tool_frame and frame not in frame_names(robot):
-            self.unknown((*place, "frame"), "frame", frame, frame_names(robot))
+        if frame != robot.tool_frame and frame not in frame_names(robot.model):
+            self.unknown((*place, "frame"), "frame", frame, frame_names(robot.model))
             return None
         self.followed.add(frame)
         return frame
@@ -345,7 +346,7 @@ class Compiler:
 
     def mounted(self, robot: Robot, scene: Scene) -> Robot:
         """The robot where it stands, with what it carries."""
-        links = set(link_names(robot))
+        links = set(link_names(robot.model))
         payload = [(held.link, held.inertia_in_link()) for held in scene.attached if held.mass and held.link in links]
         gravity = GRAVITY if self._gravity is None else self._gravity
         X_WB = pin.SE3.Identity() if self._base is None else pose_of(self._base)
@@ -375,7 +376,7 @@ class Compiler:
 
     def _names(self, robot: Robot) -> None:
         """Check that names are unique among links, obstacles and attachments, and that names referred to exist."""
-        links = link_names(robot)
+        links = link_names(robot.model)
         taken = dict.fromkeys(links, "a link of the robot")
         bodies = [(part.place, part.value.name, "an obstacle") for part in self._obstacles]
         bodies += [(part.place, part.value.name, "an attached object") for part in self._attached]
@@ -403,16 +404,6 @@ class Compiler:
 
 def _joints(robot: Robot, groups: Iterable[str]) -> set[str]:
     return {name for group in groups for name in robot.groups[group]}
-
-
-def link_names(robot: Robot) -> Sequence[str]:
-    """Names of all links, also those without geometry."""
-    return [frame.name for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
-
-
-def frame_names(robot: Robot) -> Sequence[str]:
-    """Names of all frames that a pose goal can be about: links and fixed frames, not joints."""
-    return [frame.name for frame in robot.model.frames if frame.type in (pin.FrameType.BODY, pin.FrameType.OP_FRAME)]
 
 
 def stated_pose(spec: PoseSpec) -> tuple[pin.SE3, dict[str, Any]]:

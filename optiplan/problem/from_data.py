@@ -12,7 +12,7 @@ from optiplan.config.messages import field_name
 from optiplan.errors import InputError, Issue
 from optiplan.geometry.safety import WISHED
 from optiplan.geometry.scene import Scene
-from optiplan.problem.builder import HIT, Compiler, RobotLoader, link_names
+from optiplan.problem.builder import HIT, Compiler, RobotLoader
 from optiplan.problem.free_space import touching
 from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, Via
 from optiplan.problem.hashing import source_of
@@ -29,6 +29,7 @@ from optiplan.problem.tools.reading import ToolsInUse, as_frames, read_tools, wi
 from optiplan.problem.tools.tool import MountedTool
 from optiplan.problem.tracking_error import StatedEnd, error_of_joints, nearer_than_error
 from optiplan.records import dataclass
+from optiplan.robot.frames import link_names
 from optiplan.robot.given_configurations import wrong_names
 from optiplan.robot.robot import Robot, load_robot
 
@@ -250,7 +251,7 @@ def _with_safety(compiler: Compiler, spec: ProblemSpec | None, robot: Robot | No
     """Return the scene with the clearance that is required in it, and what is wrong with that."""
     scene = compiler.scene(robot)
     tools = [body for _, name, tool in compiler.tools for body in tool.bodies_of(name)]
-    links = () if robot is None else link_names(robot)
+    links = () if robot is None else link_names(robot.model)
     clearance = None if spec is None else spec.clearance
     safety, unsafe = safety_of(compiler.document, clearance, scene, [*links, *tools], robot)
     safety = safety if robot is None else with_built(safety, robot)

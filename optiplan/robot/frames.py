@@ -17,6 +17,17 @@ if TYPE_CHECKING:
 Axes = Literal["world", "frame"]
 
 
+def link_names(model: pin.Model) -> list[str]:
+    """Return the names of all links, also of those without geometry."""
+    return [str(frame.name) for frame in model.frames if frame.type == pin.FrameType.BODY]
+
+
+def frame_names(model: pin.Model) -> list[str]:
+    """Return the names of all frames that a pose goal can be about: links and fixed frames, not joints."""
+    kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
+    return [str(frame.name) for frame in model.frames if frame.type in kinds]
+
+
 def frame_pose(robot: "Robot", q: Array, frame: str, data: pin.Data | None = None) -> pin.SE3:
     """Return the pose X_WF of a frame at q (n,).
 

@@ -16,6 +16,7 @@ from optiplan.geometry.convex import body_of, cover_of, hull_of, over_cover_of, 
 from optiplan.geometry.file_shapes import triangle_mesh
 from optiplan.geometry.meshes.triangles import Soup
 from optiplan.records import dataclass
+from optiplan.robot.frames import link_names
 from optiplan.robot.spec import CollisionSpec, Treatment
 from optiplan.robot.urdf.mesh_geometries import UrdfBodies
 
@@ -49,7 +50,7 @@ def treat(
         InputError: a link that is unknown, is named twice, or has a mesh without a hull.
     """
     spec = CollisionSpec(default=collision) if isinstance(collision, str) else collision
-    named = _named(spec, [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY], document)
+    named = _named(spec, link_names(model), document)
     result = LinkGeometry()
     for item in bodies.geometry.geometryObjects:
         link = model.frames[item.parentFrame].name

@@ -20,7 +20,7 @@ from optiplan.files import reading
 from optiplan.geometry.pose import Pose, Values
 from optiplan.records import dataclass
 from optiplan.robot.batched.kinematics import BatchKinematics
-from optiplan.robot.frames import frame_pose, geometric_jacobian
+from optiplan.robot.frames import frame_pose, geometric_jacobian, link_names
 from optiplan.robot.given_configurations import configuration
 from optiplan.robot.limits import Limits, joint_unit
 from optiplan.robot.loaded_robots import LoadedRobots
@@ -206,8 +206,7 @@ class Robot(RobotParts):
     @cached_property
     def bare_links(self) -> tuple[str, ...]:
         """Links without collision geometry, which are not checked."""
-        links = [str(frame.name) for frame in self.model.frames if frame.type == pin.FrameType.BODY]
-        return tuple(link for link in links if link not in self.link_geometry)
+        return tuple(link for link in link_names(self.model) if link not in self.link_geometry)
 
     def link_of(self, index: int) -> str:
         """Return the link of geometry object `index` of `geometry`."""

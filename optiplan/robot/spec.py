@@ -6,9 +6,7 @@ from pydantic import Field, model_validator
 
 from optiplan.config.built_later import BuiltLater
 from optiplan.config.document import Number, Strict
-from optiplan.config.values import FileVersion
-from optiplan.config.values import Name as RobotName
-from optiplan.robot.spec_values import Length, Name
+from optiplan.config.values import FileName, FileVersion, Length, Name
 
 Treatment = Literal["auto", "hull", "mesh", "convex_pieces"]
 PerJoint = Number | list[Number] | dict[Name, Number]
@@ -63,10 +61,10 @@ class RobotSpec(Strict):
     """A robot.yaml: required are the first two keys, and one of `urdf` and `dh`."""
 
     version: FileVersion
-    name: RobotName
-    urdf: Name | PackageSource | None = None
+    name: Name
+    urdf: FileName | PackageSource | None = None
     dh: Annotated[Any, BuiltLater(_dh)] = None
-    srdf: Name | None = None
+    srdf: FileName | None = None
     group: list[Name] | Name | None = None
     groups: dict[Name, list[Name]] = Field(default={})
     locked: dict[Name, Number] = Field(default={})

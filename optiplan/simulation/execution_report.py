@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from optiplan.arrays import finite_or_none
 from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot
 from optiplan.simulation.log import Log, ObjectLog, WheelLog
@@ -59,7 +60,9 @@ def _limits(log: Log, robot: Robot, limits: Limits) -> list[Check]:
         joint, unit, worst = robot.joint_names[j], robot.unit(name, j), float(values[k, j])
         passed = bool(beyond[j] <= _ROUNDING)
         detail = "" if passed else f"{joint} goes {beyond[j]:.3g} beyond its limit"
-        found.append(Check(name, "sampled", passed, worst, _known(limit[k, j]), unit, float(log.t[k]), joint, detail))
+        found.append(
+            Check(name, "sampled", passed, worst, finite_or_none(limit[k, j]), unit, float(log.t[k]), joint, detail)
+        )
     if log.input == "torque":
         j = int(np.argmax(track.saturated))
         share = float(track.saturated[j])
@@ -85,10 +88,6 @@ def _wheels(wheels: WheelLog) -> Check:
     detail = f"their rates alone would have the base {drift} off after {wheels.travel:.3g} m"
     detail += f"; it goes up and down by {1e3 * wheels.lift:.3g} mm"
     return Check("wheels", "sampled", True, wheels.drift, unit="m", detail=detail)
-
-
-def _known(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def _contact(log: Log) -> Check:

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from optiplan.arrays import Array, Index
-from optiplan.errors import InputError, OptiPlanError
-from optiplan.planners.base import Budget, Progress
+from optiplan.errors import OptiPlanError
+from optiplan.planners.base import Budget, Progress, silent
 from optiplan.records import dataclass
 from optiplan.studies.measures import DesignMeasures
 from optiplan.studies.study import DesignStudy
@@ -59,7 +59,7 @@ class DesignJudge:
         """Measure the design with these parameters (p,)."""
         try:
             measures = self._measures.of(self.study.values(x))
-        except (InputError, OptiPlanError):
+        except OptiPlanError:
             return Design(x, {}, _BROKEN)
         return Design(x, measures, sum(self.missed(measures).values()))
 
@@ -84,7 +84,7 @@ class DesignJudge:
 def search_designs(
     study: DesignStudy,
     budget: Budget | None,
-    progress: Progress = lambda stage, fraction: None,
+    progress: Progress = silent,
     keep: Callable[[Design], None] = lambda design: None,
 ) -> DesignSearch:
     """Search the parameters of a study with NSGA-II.

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, finite_or_none
 from optiplan.collision.bodies_and_pairs import with_asked_checked
 from optiplan.collision.floors import Floors, floors_of
 from optiplan.collision.kept_models import collision_model
@@ -76,8 +76,8 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
         "queries": proof.queries,
         "believed": proof.gjk_only,
         "proved_clearance": proof.clearance if proof.proved and model.pairs else None,
-        "self_clearance": _finite(proof.least[SELF]) if proof.proved else None,
-        "scene_clearance": _finite(proof.least[SCENE]) if proof.proved else None,
+        "self_clearance": finite_or_none(proof.least[SELF]) if proof.proved else None,
+        "scene_clearance": finite_or_none(proof.least[SCENE]) if proof.proved else None,
         "proved_by_robot": len(proof.kept),
         "met_clearance": None if near is None else near.distance,
         "contact": proof.contact,
@@ -118,11 +118,6 @@ def _deepest(model: CollisionModel, met: Moment) -> Moment:
     if found is None or names == met.pair or found.distance >= met.distance:
         return met
     return met._replace(distance=found.distance, pair=names, points=np.array([found.point_a, found.point_b]))
-
-
-def _finite(value: float) -> float | None:
-    """The value; None where there is no pair of the kind."""
-    return float(value) if np.isfinite(value) else None
 
 
 def _words(proof: Proof, error: Array) -> str:

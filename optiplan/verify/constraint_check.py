@@ -22,6 +22,7 @@ from optiplan.problem.constraints.motions import (
 )
 from optiplan.problem.constraints.poses import RelativePose
 from optiplan.problem.constraints.statements import PathConstraint, frame_of
+from optiplan.problem.constraints.states import RATE_SHARE
 from optiplan.problem.problem import Problem
 from optiplan.records import dataclass
 from optiplan.robot.robot import Robot
@@ -42,7 +43,6 @@ from optiplan.verify.joint_constraint_check import (
 )
 from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.statements import constraint, covering
-from optiplan.verify.tolerances import RATE_SHARE
 
 _FIRST, _MOST_FIRST = 0.02, 20_000
 """s; intervals to begin with, and about how many at most: a motion of hours is slow, so longer ones do."""

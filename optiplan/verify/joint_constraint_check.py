@@ -13,13 +13,14 @@ from optiplan.problem.constraints.base import WHOLE
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.motions import JointCoupling, ManipulabilityAbove, ToolAcceleration
 from optiplan.problem.constraints.statements import PathConstraint
+from optiplan.problem.constraints.states import RATE_SHARE
 from optiplan.problem.problem import Problem
 from optiplan.robot.limits import joint_units
 from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.samples import samples_of_pieces
 from optiplan.trajectory.trajectory import States, Trajectory
 from optiplan.verify.report import Check
-from optiplan.verify.tolerances import POSITION_ROUNDING, RATE_SHARE
+from optiplan.verify.tolerances import POSITION_ROUNDING
 
 _STEP, _LEAST, _MOST = 1e-3, 200, 200_000
 """s between samples, at most; samples in all at least, and about at most: a motion of minutes is slow."""

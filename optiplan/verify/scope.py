@@ -9,6 +9,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.problem.constraints.balance import TipOver
 from optiplan.problem.problem import Problem
+from optiplan.robot.frames import link_names
 from optiplan.robot.loaded_robots import once_for_each
 from optiplan.robot.mounting import GRAVITY
 from optiplan.robot.robot import Robot
@@ -122,7 +123,7 @@ def _balance(problem: Problem) -> list[str]:
     if not any(isinstance(one, TipOver) for one in stated):
         return []
     robot = problem.robot
-    links = [frame.name for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
+    links = link_names(robot.model)
     arms = sorted({link.partition("/")[0] for link in links}) if all("/" in link for link in links) else []
     base = [] if robot.model.inertias[0].mass > 0.0 or robot.mecanum is not None else ["the base"]
     light = ", ".join([*base, *robot.massless_links])

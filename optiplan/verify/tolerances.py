@@ -6,8 +6,5 @@ CLEARANCE_ROUNDING = 1e-9
 POSITION_ROUNDING = 1e-9
 """rad or m, on top of the tolerances of goals, vias and constraints of joints."""
 
-RATE_SHARE = 1e-3
-"""Share of a limit of speed or acceleration by which it may be passed: at the limit there is no margin for a proof."""
-
 TORQUE_ROUNDING = 1e-12
 """Of inverse dynamics: a share of the sum of the sizes of all moments that add up to a torque."""

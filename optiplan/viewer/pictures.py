@@ -39,14 +39,13 @@ def browser_program() -> str | None:
 
 
 @contextmanager
-def opened(html: str, wish: str = "", size: tuple[int, int] = (1280, 800), scale: float = 1.0) -> Iterator[Any]:
+def opened(html: str, wish: str = "", size: tuple[int, int] = (1280, 800)) -> Iterator[Any]:
     """Open a page in a browser without a window; what is yielded is playwright's `Page`, with its first picture drawn.
 
     Args:
         html: text of the page.
         wish: its address after the `#`, such as `t=0.4&paused&tab=velocity`.
         size: width and height of the window, px.
-        scale: pixels of the picture for each of the window.
 
     Raises:
         OptiPlanError: playwright or a browser is missing, or the page is not drawn in three minutes.
@@ -63,7 +62,7 @@ def opened(html: str, wish: str = "", size: tuple[int, int] = (1280, 800), scale
         file = Path(folder) / "page.html"
         file.write_text(html, "utf-8")
         browser = tool.chromium.launch(executable_path=executable, args=_SOFTWARE)
-        page = browser.new_page(viewport={"width": size[0], "height": size[1]}, device_scale_factor=scale)
+        page = browser.new_page(viewport={"width": size[0], "height": size[1]})
         page.set_default_timeout(1000.0 * _PATIENCE)
         try:
             page.goto(f"{file.as_uri()}#{wish}")

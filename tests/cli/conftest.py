@@ -4,36 +4,15 @@ import json
 
 import pytest
 
-from optiplan.cli.main import run
-
-FREE = """\
-version: 1
-name: free
-robot: planar2r
-start: {joints: [0.5, 1.0]}
-goal: {joints: [-0.5, 1.2]}
-scene: {obstacles: [{name: far, shape: {sphere: 0.1}, pose: {position: [-1, 0.18, 1]}}]}
-planner: quintic
-"""
-
-SHUT_IN = """\
-version: 1
-name: shut-in
-robot: planar2r
-start: {joints: [0.9, 0.5]}
-goal: {joints: [-1.5708, 0]}
-scene:
-  obstacles:
-    - {name: ceiling, shape: {box: [3.0, 0.1, 0.04]}, pose: {position: [0, 0.2, 0.75]}}
-planner: rrtconnect
-"""
+from optiplan.cli.main import run as run_command
+from tests.small_problems import NO_WAY, QUICK
 
 
 @pytest.fixture
 def free(tmp_path):
     """A problem with nothing in the way of the straight motion."""
     path = tmp_path / "free.yaml"
-    path.write_text(FREE)
+    path.write_text(QUICK)
     return path
 
 
@@ -41,7 +20,7 @@ def free(tmp_path):
 def shut_in(tmp_path):
     """A problem without a solution, whose search does not end by itself."""
     path = tmp_path / "shut-in.yaml"
-    path.write_text(SHUT_IN)
+    path.write_text(NO_WAY)
     return path
 
 
@@ -51,10 +30,17 @@ def optiplan(capfd):
 
     def command(*arguments):
         capfd.readouterr()
-        code = run([str(argument) for argument in arguments])
+        code = run_command([str(argument) for argument in arguments])
         return (code, *capfd.readouterr())
 
     return command
+
+
+@pytest.fixture
+def run(optiplan, free, tmp_path):
+    """The folder of a stored run of `free`."""
+    assert optiplan("plan", free, "--out", tmp_path / "run")[0] == 0
+    return tmp_path / "run"
 
 
 @pytest.fixture

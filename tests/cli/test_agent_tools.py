@@ -7,7 +7,7 @@ import pytest
 
 from optiplan.cli.agent_tools import agent_server
 from optiplan.errors import OptiPlanError
-from tests.service.conftest import NO_WAY, QUICK
+from tests.small_problems import NO_WAY, QUICK
 from tests.waiting import answer_of
 
 

@@ -10,21 +10,13 @@ from contextlib import contextmanager
 import httpx
 import pytest
 
+from tests.small_problems import QUICK
 from tests.waiting import wait_until
-
-PROBLEM = """\
-version: 1
-name: free
-robot: planar2r
-start: {joints: [0.5, 1.0]}
-goal: {joints: [-0.5, 1.2]}
-planner: quintic
-"""
 
 
 @pytest.mark.timeout(300)
 def test_a_motion_is_begun_on_the_page_and_ended_by_ctrl_c(tmp_path):
-    (tmp_path / "free.yaml").write_text(PROBLEM)
+    (tmp_path / "free.yaml").write_text(QUICK)
     words = ["run", "free.yaml", "--view", "--json", "--driver", "file", "--to", "table.csv", "--override", "0.1"]
     with started(words, tmp_path) as program:
         line = next(line for line in program.stderr if "open http" in line)

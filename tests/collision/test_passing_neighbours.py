@@ -42,7 +42,7 @@ def box(size: tuple[float, float, float], at: tuple[float, float, float]) -> tri
 
 def robot_in(folder: Path, stop: bool = False, treatment: str = "mesh", gap: float = GAP) -> Robot:
     """A disc with an arm that turns above another one, which may have a stop; and a tip that is lifted."""
-    disc = trimesh.creation.cylinder(0.05, 0.02, sections=64)
+    disc = trimesh.creation.cylinder(0.05, 0.02, sections=16)
     base = [disc.copy().apply_translation((0.0, 0.0, -0.01 - gap))] + [box((0.01, 0.01, 0.04), STOP)] * stop
     arm = box((0.05, 0.01, 0.01), (0.05, 0.0, 0.012))
     trimesh.util.concatenate(base).export(folder / "base.obj")

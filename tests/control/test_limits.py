@@ -119,7 +119,7 @@ def test_half_space(panda, limits, form):
     controller = op.Controller(panda, [tool, op.PostureTask()], limits=[*limits, wall], form=form)
     state = op.State([0.0, -1.2, 0.0, -2.6, 0.0, 1.571, 0.785])
     c, x = op.Controller(panda, []), []
-    for _ in range(1500):
+    for _ in range(900):
         state = controller.step(state, DT).state
         x.append(c.configuration(state).pose(panda.frame_id(panda.tool_frame)).translation[0])
     assert max(x) <= 0.45 + 1e-9

@@ -8,11 +8,7 @@ from optiplan.geometry.meshes.triangles import Soup
 from optiplan.robot.robot import load_robot
 from tests.robot.robots import LINK, joint, write_robot
 
-
-@pytest.fixture(autouse=True)
-def own_cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    return tmp_path / "cache/optiplan"
+pytestmark = pytest.mark.usefixtures("own_cache")
 
 
 @pytest.fixture

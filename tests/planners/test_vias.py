@@ -12,6 +12,7 @@ from optiplan.planners.registry import make_planner
 from optiplan.problem.problem import JointGoal, PoseGoal, Via, derived
 from optiplan.runs.pipeline import run
 from optiplan.verify.via_check import vias
+from tests.checks import named
 from tests.planners import cases
 
 FIRST = 0.5 * (cases.READY + cases.LEFT) + np.array([0.3, -0.1, 0.2, 0.0, 0.2, -0.2, 0.1])
@@ -57,7 +58,7 @@ def answer(name, problem, **options):
 def test_vias_are_hit_without_stopping_and_all_is_verified(name, options):
     result = run(problem(jerk=name not in OPEN_JERK), name, options, Budget(20.0), quiet)
     assert result.verified, result.failure or result.report.failures
-    check = next(one for one in result.report.checks if one.name == "via")
+    check = named(result.report, "via")
     assert check.worst < 1e-7
     assert np.abs(result.trajectory(np.array(check.witness["times"]), 1)).max(axis=1).min() > 0.1
 

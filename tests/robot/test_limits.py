@@ -19,6 +19,7 @@ from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.sample_file import Samples
 from optiplan.trajectory.state import State
 from optiplan.verify.verify import verify
+from tests.checks import named
 from tests.robot.robots import chain, joint, write_robot
 from tests.verify.motions import problem_of, quintic
 
@@ -62,14 +63,14 @@ def test_every_check_of_a_joint_has_its_unit(base, moved):
     expected |= {"acceleration": f"{length}/s²", "jerk": f"{length}/s³", "samples": length}
     found = {check.name: check.unit for check, j in of_joints(report, base) if j == moved}
     assert found.items() >= expected.items()
-    (coupling,) = (check for check in report.checks if check.name == "coupling constraint")
+    coupling = named(report, "coupling constraint")
     assert coupling.unit == length
 
 
 def test_a_via_of_a_slide_is_in_metres(base):
     motion = quintic(base.joint_names, np.zeros(base.n), np.array([1.0, 0.0, 0.0]), 5.0)
     problem = Problem(base, start=motion.start, goal=motion.end, vias=[[0.5, 0.1, 0.0]])
-    (via,) = (check for check in verify(problem, motion).checks if check.name == "via")
+    via = named(verify(problem, motion), "via")
     assert via.unit == "m"
     assert "missed by 0.1 m" in via.detail
 

@@ -206,9 +206,10 @@ def test_locked_joints_given_by_a_problem_are_checked(tmp_path):
     [
         ("version: 1", "version: 2", "version: 2; expected 1"),
         ("name: r", r'name: "a\x1b[2J"', "expected text of one line without control characters"),
+        ("name: r", 'name: r\nconfigurations: {"a\\x1b[2J": [0, 0]}', r"configurations.a\x1b[2J"),
     ],
 )
-def test_the_version_is_1_and_the_name_printable(tmp_path, line, instead, words):
+def test_the_version_is_1_and_names_are_printable(tmp_path, line, instead, words):
     path = write_robot(tmp_path, TWO)
     path.write_text(path.read_text().replace(line, instead))
     assert words in issues_of(path)

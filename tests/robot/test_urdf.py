@@ -148,11 +148,12 @@ def test_every_capsule_of_a_link_is_one(tmp_path):
 
 def test_a_link_and_a_joint_of_one_name(tmp_path):
     path = write_robot(tmp_path, chain(joint("b", "a", "b"), joint("j2", "b", "c")), "srdf: r.srdf\n")
-    (tmp_path / "r.srdf").write_text('<robot name="r"><disable_collisions link1="b" link2="c"/></robot>')
+    pair = '<disable_collisions link1="b" link2="c" reason="&#x9b;"/>'
+    (tmp_path / "r.srdf").write_text(f'<robot name="r">{pair}</robot>')
     robot = load_robot(str(path))
     assert robot.joint_names == ("b", "j2")
     assert [robot.link_of(index) for index in range(3)] == ["a", "b_link", "c"]
-    assert ("b_link", "c") in robot.allowed
+    assert robot.allowed["b_link", "c"] == r"SRDF: \x9b"
     assert [note for note in robot.notes if "link b is called b_link" in note]
 
 

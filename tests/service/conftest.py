@@ -14,30 +14,9 @@ from optiplan.service.planner_service import PlannerService
 from optiplan.service.server import serving
 from optiplan.service.settings import DriverSetup, ServiceSettings
 from tests.service import browsing
+from tests.small_problems import QUICK
 from tests.viewer.browsing import SELDOM, UNDRAWN
 from tests.waiting import PATIENCE
-
-QUICK = """\
-version: 1
-name: free
-robot: planar2r
-start: {joints: [0.5, 1.0]}
-goal: {joints: [-0.5, 1.2]}
-scene: {obstacles: [{name: far, shape: {sphere: 0.1}, pose: {position: [-1, 0.18, 1]}}]}
-planner: quintic
-"""
-
-NO_WAY = """\
-version: 1
-name: shut-in
-robot: planar2r
-start: {joints: [0.9, 0.5]}
-goal: {joints: [-1.5708, 0]}
-scene:
-  obstacles:
-    - {name: ceiling, shape: {box: [3.0, 0.1, 0.04]}, pose: {position: [0, 0.2, 0.75]}}
-planner: rrtconnect
-"""
 
 
 @dataclass

@@ -10,8 +10,8 @@ import pytest
 
 from optiplan.service.models import BenchRequest
 from optiplan.service.refusals import Refusal, busy
-from tests.service.conftest import NO_WAY, QUICK
 from tests.service.routes.test_pages import NAMES
+from tests.small_problems import NO_WAY, QUICK
 from tests.waiting import wait_until
 
 

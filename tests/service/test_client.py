@@ -14,8 +14,8 @@ from optiplan.cli.main import run as command
 from optiplan.service.cell import EXECUTIONS, CellError, CellPlanner
 from optiplan.service.client import ServerError
 from optiplan.service.store.contents import StorageFullError
-from tests.service.conftest import NO_WAY, QUICK
 from tests.service.routes.test_problems import MESH, TETRAHEDRON
+from tests.small_problems import NO_WAY, QUICK
 from tests.waiting import wait_until
 
 NAN = float("nan")

@@ -16,7 +16,7 @@ from optiplan.viewer.run_data.closed_loop import read_log
 from optiplan.viewer.runs import ViewedRun
 from optiplan.viewer.scene import build_scene
 from tests.service.browsing import CHANGED, drag, open_studio, text_of, write
-from tests.service.conftest import NO_WAY, QUICK
+from tests.small_problems import NO_WAY, QUICK
 from tests.waiting import PATIENCE
 
 OBSTACLE = """

@@ -10,6 +10,7 @@ from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.frame_motion import FrameMotion
 from optiplan.verify.continuous.motion_bounds import Boxes
 from optiplan.verify.joint_constraint_check import tool_acceleration
+from tests.checks import named
 from tests.unchecked_problem import unchecked_problem
 
 TOOL = "panda_hand_tcp"
@@ -194,7 +195,7 @@ def test_a_line_keeps_the_tool_speed_of_the_problem(problem, line):
     run = op.plan(slow, "line", budget=10.0)
     assert run.verified
     assert run.duration > line.duration
-    (check,) = [check for check in run.report.checks if check.name == "tool speed constraint"]
+    check = named(run.report, "tool speed constraint")
     assert check.worst == pytest.approx(0.3, rel=2e-3)
 
 

@@ -16,17 +16,10 @@ from optiplan.verify import collision_check
 from optiplan.verify.continuous.proof import Moment, Proof
 from optiplan.verify.report import VerifyPolicy, jsonable
 from optiplan.verify.verify import verify
+from tests.checks import failed, named
 from tests.verify.motions import problem_of, quintic, smooth, unchecked, within_limits
 
 AXIS = np.array([0.0, 0.18, 0.5])  # the planar arm's outer plane of motion, at the height of its shoulder
-
-
-def failed(report):
-    return [check.name for check in report.failures]
-
-
-def named(report, name):
-    return next(check for check in report.checks if check.name == name)
 
 
 @pytest.fixture

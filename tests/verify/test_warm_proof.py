@@ -9,6 +9,7 @@ from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.problem.goals_and_vias import JointGoal
 from optiplan.problem.problem import derived
 from optiplan.verify.warm_proof import Polynomials, WarmProof
+from tests.checks import named
 from tests.verify.bodies_around import among_bodies
 
 ROBOTS = ("panda", "ur5", "srra", "baxter_left")
@@ -41,7 +42,7 @@ def test_it_agrees_with_the_verifier(name):
         assert theirs.verified or not ours.proved, (ours, theirs)
         verdicts.append((ours.proved, theirs.verified))
         if ours.proved:
-            near = next(check for check in theirs.checks if check.name == "collision").witness["met_clearance"]
+            near = named(theirs, "collision").witness["met_clearance"]
             assert near is None or min(ours.clearance) <= near + 1e-9
     assert sum(a for a, _ in verdicts) >= 3
     assert sum(not a for a, _ in verdicts) >= 3

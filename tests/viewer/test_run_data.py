@@ -21,6 +21,7 @@ from optiplan.viewer.run_data.closed_loop import LOG, NEEDED, read_log
 from optiplan.viewer.run_data.curves import curves_of, short_names, tool_frames
 from optiplan.viewer.runs import ViewedRun, stops_told
 from optiplan.viewer.scene import build_scene
+from tests.checks import named
 from tests.viewer.conftest import at
 
 
@@ -39,7 +40,7 @@ def refused() -> op.Run:
 
 
 def collision(run: op.Run):
-    return next(check for check in run.report.checks if check.name == "collision")
+    return named(run.report, "collision")
 
 
 def test_the_proved_curve_is_the_certificate_and_its_least_the_reports_figure(proof):
@@ -62,7 +63,7 @@ def test_the_proved_curve_is_the_certificate_and_its_least_the_reports_figure(pr
 
 def test_the_proved_curve_is_about_the_tracking_error_too(proof):
     problem = proof.problem.with_parts(tracking_error=2e-4)
-    witness = next(one for one in op.verify(problem, proof.trajectory).checks if one.name == "collision").witness
+    witness = named(op.verify(problem, proof.trajectory), "collision").witness
     assert witness["proved_clearance"] < collision(proof).witness["proved_clearance"]
     assert clearance_of(problem, proof.trajectory, even=8)["proved_least"] == witness["proved_clearance"]
 

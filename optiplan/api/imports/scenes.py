@@ -4,8 +4,6 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-import pinocchio as pin
-
 from optiplan.api.loading import load_robot
 from optiplan.errors import InputError, Issue, described, flag_argument, path_argument, words_of_call, wrong_argument
 from optiplan.files import write_bytes, write_text
@@ -14,6 +12,7 @@ from optiplan.importers.scenes.read import read_scene
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
 from optiplan.problem.write import problem_text
+from optiplan.robot.frames import link_names
 from optiplan.robot.reference import robot_names
 from optiplan.robot.robot import Robot
 
@@ -79,7 +78,7 @@ def write_scene(
     for file, content in scene.files.items():
         write_bytes(target.parent / file, content)
     reference = str(robot) if str(robot) in robot_names() else str(Path(robot).resolve())
-    scene.rename([frame.name for frame in loaded.model.frames if frame.type == pin.FrameType.BODY])
+    scene.rename(link_names(loaded.model))
     ends = _ends(loaded)
     data = {
         "version": 1,

@@ -27,7 +27,7 @@ from optiplan.bench.results.records import (
 )
 from optiplan.cache import MostRecent
 from optiplan.errors import OptiPlanError, PlannerAnswerError
-from optiplan.planners.base import Budget
+from optiplan.planners.base import Budget, silent
 from optiplan.planners.registry import load_libraries
 from optiplan.problem.goals import listed_ends
 from optiplan.problem.load import problem_from_dict
@@ -130,7 +130,7 @@ class TaskExecutor:
         try:
             easy = problem_from_dict(warm_up_problem(problem), "/", self._robots)
             load_libraries(planner.name)  # of which an easy problem may need none
-            run(easy, planner.name, planner.options, Budget(WARM_UP_BUDGET), lambda stage, fraction: None)
+            run(easy, planner.name, planner.options, Budget(WARM_UP_BUDGET), silent)
         except BaseException:  # the run itself will tell
             timings["warm_up_failed"] = True
         timings["warm_up"] = time.perf_counter() - began

@@ -110,62 +110,60 @@ class Analysis(NamedTuple):
     quality: Quality
 
 
-def analyse(store: Store, seed: int = 0) -> Analysis:
-    """Numbers of all runs that are stored; `seed` is that of the bootstrap."""
-    return analyse_results(load_results(store), seed)
+def analyse(store: Store) -> Analysis:
+    """Numbers of all runs that are stored."""
+    return analyse_results(load_results(store))
 
 
-def analyse_results(results: Results, seed: int = 0, compared: bool = True) -> Analysis:
-    """Numbers of some runs; `seed` is that of the bootstrap, `compared`: with every two planners compared."""
+def analyse_results(results: Results, compared: bool = True) -> Analysis:
+    """Numbers of some runs; `compared`: with every two planners compared."""
     runs = results.runs
     grid = runs.grid()
     common = grid.there.all(axis=1)
     times, durations = (performance_ratios(costs[common]) for costs in (grid.plan_time, grid.duration))
-    stages = [
-        _shares(runs, np.ones(runs.size, bool), flags, seed) for flags in (runs.planned, runs.timed, runs.verified)
-    ]
+    stages = [_shares(runs, np.ones(runs.size, bool), flags) for flags in (runs.planned, runs.timed, runs.verified)]
     numbers = []
     for k in range(len(runs.planners)):
         firsts = [_share(ratios[:, k] <= 1.0 + TIE) for ratios in (times, durations)]
-        numbers.append(_planner(runs, k, firsts, [stage[k] for stage in stages], seed))
+        numbers.append(_planner(runs, k, firsts, [stage[k] for stage in stages]))
     return Analysis(
         runs,
         tuple(numbers),
-        _parts(runs, runs.sets, seed),
-        _parts(runs, [label or "no label" for label in runs.difficulties], seed) if any(runs.difficulties) else (),
+        _parts(runs, runs.sets),
+        _parts(runs, [label or "no label" for label in runs.difficulties]) if any(runs.difficulties) else (),
         int(common.sum()),
         times,
         durations,
-        pairs(runs, grid, seed) if compared else (),
+        pairs(runs, grid) if compared else (),
         results.measures,
-        tuple(_spreads(runs, measure, seed) for measure in results.measures),
-        quality(runs, results.answers, results.known, seed),
+        tuple(_spreads(runs, measure) for measure in results.measures),
+        quality(runs, results.answers, results.known),
     )
 
 
-def _spreads(runs: Runs, measure: RunMeasure, seed: int) -> tuple[Spread, ...]:
+def _spreads(runs: Runs, measure: RunMeasure) -> tuple[Spread, ...]:
     """Distribution of a measure over the verified runs of each planner."""
     masks = [(runs.planner == k) & runs.verified for k in range(len(runs.planners))]
-    return tuple(_spread(measure.values[mask], runs.problem[mask], seed) for mask in masks)
+    return tuple(_spread(measure.values[mask], runs.problem[mask]) for mask in masks)
 
 
-def _shares(runs: Runs, part: Flags, flags: Flags, seed: int) -> list[Interval]:
+def _shares(runs: Runs, part: Flags, flags: Flags) -> list[Interval]:
     """Share of runs with a flag (n,), of every planner on part of the runs (n,), by problems."""
     shape = (len(runs.problems), len(runs.planners))
     good, tries = np.zeros(shape), np.zeros(shape)
     np.add.at(tries, (runs.problem[part], runs.planner[part]), 1.0)
     np.add.at(good, (runs.problem[part], runs.planner[part]), flags[part])
     there = tries.any(axis=1)
-    return share_intervals(good[there], tries[there], seed)
+    return share_intervals(good[there], tries[there])
 
 
-def _planner(runs: Runs, k: int, firsts: Sequence[float], stages: Sequence[Interval], seed: int) -> PlannerNumbers:
+def _planner(runs: Runs, k: int, firsts: Sequence[float], stages: Sequence[Interval]) -> PlannerNumbers:
     mine = runs.planner == k
     verified = mine & runs.verified
     tried = mine & np.isfinite(runs.executed)
     planned, timed, good = (int((mine & flags).sum()) for flags in (runs.planned, runs.timed, runs.verified))
     costs = (runs.plan_time, runs.plan_cpu, runs.ratio)
-    plan_time, plan_cpu, ratio = (_spread(x[verified], runs.problem[verified], seed) for x in costs)
+    plan_time, plan_cpu, ratio = (_spread(x[verified], runs.problem[verified]) for x in costs)
     return PlannerNumbers(
         label=runs.planners[k],
         runs=int(mine.sum()),
@@ -185,18 +183,18 @@ def _planner(runs: Runs, k: int, firsts: Sequence[float], stages: Sequence[Inter
     )
 
 
-def _spread(values: Array, problems: Indices, seed: int) -> Spread:
+def _spread(values: Array, problems: Indices) -> Spread:
     known = np.isfinite(values)
     values = values[known]
     if len(values) == 0:
-        return Spread(0, median_interval(values, seed), (np.nan,) * len(PERCENTILES))
+        return Spread(0, median_interval(values), (np.nan,) * len(PERCENTILES))
     percentiles = np.percentile(values, PERCENTILES)
     low, quarter = map(float, np.percentile(values, (5, 25)))
-    middle = median_interval(values, seed, problems[known])
+    middle = median_interval(values, problems[known])
     return Spread(len(values), middle, tuple(map(float, percentiles)), (low, quarter))
 
 
-def _parts(runs: Runs, names: Sequence[str], seed: int) -> tuple[SubsetSummary, ...]:
+def _parts(runs: Runs, names: Sequence[str]) -> tuple[SubsetSummary, ...]:
     """Numbers by name of a problem's part: those of `USUAL` in its order, the others as they come."""
     order = sorted(dict.fromkeys(names), key=lambda name: USUAL.index(name) if name in USUAL else len(USUAL))
     part = np.array([order.index(name) for name in names], dtype=np.int64)
@@ -208,7 +206,7 @@ def _parts(runs: Runs, names: Sequence[str], seed: int) -> tuple[SubsetSummary, 
             good = (of_run == number) & (runs.planner == k) & runs.verified
             times.append(median_of_known(runs.plan_time[good]))
             ratios.append(median_of_known(runs.ratio[good]))
-        success = tuple(_shares(runs, of_run == number, runs.verified, seed))
+        success = tuple(_shares(runs, of_run == number, runs.verified))
         found.append(SubsetSummary(name, int((part == number).sum()), success, tuple(times), tuple(ratios)))
     return tuple(found)
 

@@ -18,7 +18,7 @@ from optiplan.bench.results.records import Key
 from optiplan.errors import OptiPlanError
 from optiplan.figure_style import COLOURS
 from optiplan.kinematics.manipulability import ToolKinematics
-from optiplan.planners.base import Progress
+from optiplan.planners.base import Progress, silent
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
 from optiplan.records import dataclass
@@ -64,9 +64,7 @@ Address = Callable[[str], str | None]
 """Where the runs of a problem can be looked at together; None where only a command shows them."""
 
 
-def matrix_rows(
-    store: Store, analysis: Analysis, progress: Progress = lambda stage, fraction: None
-) -> list[ProblemRow]:
+def matrix_rows(store: Store, analysis: Analysis, progress: Progress = silent) -> list[ProblemRow]:
     """Rows of the problems of `chosen_problems`."""
     robots = RobotCache()
     names = chosen_problems(analysis)

@@ -27,7 +27,7 @@ from optiplan.bench.results.database import Store
 from optiplan.bench.results.growth import place_of
 from optiplan.bench.results.measures import load_results
 from optiplan.files import write_text
-from optiplan.planners.base import Progress
+from optiplan.planners.base import Progress, silent
 
 FILE = "report.html"
 MOST_SETS = 12
@@ -47,12 +47,8 @@ class Links(NamedTuple):
     problem: Address
 
 
-def _quiet(stage: str, fraction: float) -> None:
-    """Tell nothing."""
-
-
 def write_page(
-    store: Store, analysis: Analysis, path: Path | None = None, pages: int = PAGES, progress: Progress = _quiet
+    store: Store, analysis: Analysis, path: Path | None = None, pages: int = PAGES, progress: Progress = silent
 ) -> Path:
     """Write the report of a suite's results whole or not at all, and pages of the viewer beside it.
 

@@ -51,7 +51,7 @@ class PlannerPair(NamedTuple):
     duration: Paired
 
 
-def pairs(runs: Runs, grid: Grid, seed: int) -> tuple[PlannerPair, ...]:
+def pairs(runs: Runs, grid: Grid) -> tuple[PlannerPair, ...]:
     """Every two planners."""
     problem = grid.tasks[:, 0]
     logs = [np.log(costs) for costs in (grid.plan_time, grid.duration)]
@@ -59,7 +59,7 @@ def pairs(runs: Runs, grid: Grid, seed: int) -> tuple[PlannerPair, ...]:
     for a, b in combinations(range(len(runs.planners)), 2):
         both = grid.there[:, a] & grid.there[:, b]
         one, other = grid.verified[:, a], grid.verified[:, b]
-        compared = [paired(log[:, a] - log[:, b], problem, seed) for log in logs]
+        compared = [paired(log[:, a] - log[:, b], problem) for log in logs]
         found.append(
             PlannerPair(
                 runs.planners[a],
@@ -73,16 +73,15 @@ def pairs(runs: Runs, grid: Grid, seed: int) -> tuple[PlannerPair, ...]:
     return tuple(found)
 
 
-def paired(differences: Array, problem: Indices, seed: int) -> Paired:
+def paired(differences: Array, problem: Indices) -> Paired:
     """Compare by the logarithms of ratios.
 
     Args:
         differences: (m,), ln(cost of the first / cost of the second) of runs; nan where one of them has none.
         problem: (m,), which problem a run is of.
-        seed: of the bootstrap.
     """
     each = by_problem(differences, problem)
-    middle = median_interval(each, seed)
+    middle = median_interval(each)
     beyond = np.where(np.abs(each) > np.log1p(TIE), each, 0.0)
     wins, losses = int((beyond < 0.0).sum()), int((beyond > 0.0).sum())
     ratio = Interval(*(float(np.exp(value)) for value in middle))

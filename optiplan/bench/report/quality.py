@@ -47,8 +47,8 @@ class Quality(NamedTuple):
     curves: tuple[tuple[Array, Array], ...]
 
 
-def quality(runs: Runs, answers: RunAnswers, known: Array, seed: int) -> Quality:
-    """Quality of all planners; `known` (problems,), s, are best known from elsewhere, `seed` is of the bootstrap."""
+def quality(runs: Runs, answers: RunAnswers, known: Array) -> Quality:
+    """Quality of all planners; `known` (problems,), s, are best known from elsewhere."""
     best = np.minimum(best_known(runs, answers), known)
     ratio = answers.duration / best[runs.problem[answers.run]] if len(answers.run) else answers.duration
     found, curves = [], []
@@ -59,7 +59,7 @@ def quality(runs: Runs, answers: RunAnswers, known: Array, seed: int) -> Quality
         seconds, ratios = answers.seconds[own], ratio[own]
         rows = [_at(time, len(mine), place, (seconds, ratios)) for time in (*TIMES, np.inf)]
         shares = tuple(float(np.isfinite(row).mean()) if len(row) else float("nan") for row in rows)
-        medians = tuple(_median(row, runs.problem[mine], seed) for row in rows)
+        medians = tuple(_median(row, runs.problem[mine]) for row in rows)
         found.append(PlannerQuality(label, shares, medians))
         curves.append(_curve(len(mine), place, seconds, ratios))
     return Quality(tuple(found), tuple(curves))
@@ -83,10 +83,8 @@ def _at(time: float, count: int, run: Indices, answers: tuple[Array, Array]) -> 
     return best
 
 
-def _median(ratio: Array, problem: Indices, seed: int) -> Interval:
-    if len(ratio) == 0:
-        return Interval(float("nan"), float("nan"), float("nan"))
-    found = median_interval(np.minimum(ratio, NEVER), seed, problem)
+def _median(ratio: Array, problem: Indices) -> Interval:
+    found = median_interval(np.minimum(ratio, NEVER), problem)
     # Medians and ends of intervals lie between two values, so they may take a small part of NEVER.
     return Interval(*(np.inf if value > 1e-3 * NEVER else value for value in found))
 

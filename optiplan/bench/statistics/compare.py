@@ -79,14 +79,14 @@ class Comparison(NamedTuple):
         return [change for change in self.changes if change.verdict == verdict]
 
 
-def compare_results(old: Store, new: Store, seed: int = 0) -> Comparison:
-    """Compare what two folders of results have in common; `seed` is that of the bootstrap."""
+def compare_results(old: Store, new: Store) -> Comparison:
+    """Compare what two folders of results have in common."""
     a, b = load_runs(old), load_runs(new)
     changed = _changed_problems(old, new)
     keys = [_keys(runs, changed) for runs in (a, b)]
     common = [key for key in keys[0] if key in keys[1]]
     i, j = (np.array([places[key] for key in common], dtype=np.int64) for places in keys)
-    found = [change for label in a.planners if label in b.planners for change in _changes(label, a, i, b, j, seed)]
+    found = [change for label in a.planners if label in b.planners for change in _changes(label, a, i, b, j)]
     judged = list(_judged(found))
     pairs = [(key, bool(a.verified[x]), bool(b.verified[y]), x, y) for key, x, y in zip(common, i, j, strict=True)]
     return Comparison(
@@ -111,7 +111,7 @@ def _changed_problems(old: Store, new: Store) -> set[str]:
     return {id_ for id_ in before.keys() & after.keys() if before[id_] != after[id_]}
 
 
-def _changes(label: str, a: Runs, i: Indices, b: Runs, j: Indices, seed: int) -> Iterable[Change]:
+def _changes(label: str, a: Runs, i: Indices, b: Runs, j: Indices) -> Iterable[Change]:
     """The three quantities of a planner that has common runs, those at i of `a` and at j of `b`."""
     mine = a.planner[i] == a.planners.index(label)
     i, j = i[mine], j[mine]
@@ -123,12 +123,12 @@ def _changes(label: str, a: Runs, i: Indices, b: Runs, j: Indices, seed: int) ->
         yield _success(label, problem, a.verified[i], b.verified[j])
     both = (a.verified[i] | claimed[0]) & (b.verified[j] | claimed[1])
     i, j, problem = i[both], j[both], problem[both]
-    work = paired(np.log(b.plan_cpu[j] / a.plan_cpu[i]), problem, seed).ratio.value
+    work = paired(np.log(b.plan_cpu[j] / a.plan_cpu[i]), problem).ratio.value
     for quantity, before, after, by in (
         ("planning time", a.plan_time[i], b.plan_time[j], work),
         ("duration", a.duration[i], b.duration[j], math.nan),
     ):
-        found = paired(np.log(after / before), problem, seed)
+        found = paired(np.log(after / before), problem)
         known = np.isfinite(before) & np.isfinite(after)  # a claim may be without a time
         medians = (float(np.median(values[known])) if known.any() else math.nan for values in (before, after))
         score = found.ratio, found.wins, found.losses, found.rank

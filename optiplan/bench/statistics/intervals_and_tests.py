@@ -1,4 +1,6 @@
-"""Statistics of a comparison: intervals, paired tests, curves. Resamples are drawn from a given seed.
+"""Statistics of a comparison: intervals, paired tests, curves.
+
+The same runs have the same intervals: all resamples are drawn from one seed.
 
 All intervals are of 95 % confidence.
 """
@@ -19,6 +21,8 @@ RESAMPLES = 1000
 """Of a median."""
 SHARE_RESAMPLES = 10_000
 """Of a share: its ends then move by a hundredth of its width from seed to seed."""
+SEED = 0
+"""Of the resamples."""
 FEWEST = 5
 """Problems without which an interval is not given: so few say nothing about the others."""
 
@@ -43,7 +47,7 @@ class Interval(NamedTuple):
         return None if math.isnan(self.low) else (self.low, self.high)
 
 
-def share_intervals(verified: Array, tries: Array, seed: int) -> list[Interval]:
+def share_intervals(verified: Array, tries: Array, seed: int = SEED) -> list[Interval]:
     """Success rates p = sum of successes / sum of tries, with percentile intervals of resampled problems.
 
     Runs of one problem are alike, so whole problems are drawn, with all their seeds and repetitions: ten seeds of a
@@ -87,14 +91,14 @@ def _drawn_rates(successes: Array, runs: Array, rng: np.random.Generator) -> Arr
     return np.concatenate(rates)
 
 
-def median_interval(values: Array, seed: int, groups: npt.NDArray[np.int64] | None = None) -> Interval:
+def median_interval(values: Array, groups: npt.NDArray[np.int64] | None = None, seed: int = SEED) -> Interval:
     """Median of values (n,) with the percentile interval of its bootstrap distribution.
 
     Args:
         values: (n,), in any unit; finite.
-        seed: of the resamples.
         groups: (n,), which problem a value is of. Whole groups are drawn, as runs of one problem are alike and say
             less than as many of different problems. None: every value is one of its own.
+        seed: of the resamples.
 
     Source: Efron and Tibshirani, An Introduction to the Bootstrap (1993), ch. 13; groups: Davison and Hinkley,
     Bootstrap Methods and their Application (1997), sec. 3.8.

@@ -21,7 +21,7 @@ from optiplan.bench.suite.schema import SourceSpec, SuiteSpec, read_suite
 from optiplan.config.document import Document, validate
 from optiplan.config.messages import choices, some
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
-from optiplan.planners.base import Progress
+from optiplan.planners.base import Progress, silent
 from optiplan.planners.registry import make_planner
 from optiplan.problem.from_data import goal_or_task, in_one_form, planned_robot
 from optiplan.problem.hashing import source_of
@@ -103,7 +103,7 @@ def hash_of_parts(parts: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
-def load_suite(path: Path | str, scratch: Path, progress: Progress = lambda stage, fraction: None) -> Suite:
+def load_suite(path: Path | str, scratch: Path, progress: Progress = silent) -> Suite:
     """Read a suite file, find its problems and check its planners.
 
     Args:

@@ -9,7 +9,7 @@ import pinocchio as pin
 from rich.console import Console
 from rich.table import Table
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, finite_or_none
 from optiplan.geometry.poses import pose_to_data
 from optiplan.kinematics.jacobians import analytic_jacobian
 from optiplan.kinematics.manipulability import ROWS, JacobianRows, ellipsoids, manipulability_measures
@@ -107,7 +107,7 @@ def _measures(J: Array) -> dict[str, float | None]:
 
 def _ellipsoid(J: Array) -> dict[str, Any]:
     found = ellipsoids(J[None])
-    force = [float(x) if np.isfinite(x) else None for x in found.force[0]]
+    force = list(map(finite_or_none, found.force[0]))
     return {"axes": found.axes[0].T, "velocity": found.velocity[0], "force": force}
 
 

@@ -16,7 +16,6 @@ from optiplan.problem.constraints.balance import TipOver
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.motions import ToolAcceleration
 from optiplan.problem.problem import Problem
-from optiplan.problem.task.rides import WaitUntil
 from optiplan.problem.task.timeline import part_of_last_event, scene_parts
 from optiplan.records import dataclass
 from optiplan.runs.run import Run
@@ -93,8 +92,7 @@ class ProvedPath:
         if run.trajectory is None or not run.verified:
             raise wrong_argument(called, "run", "a run that is not verified", "a verified run of op.plan(…)")
         problem = run.problem
-        timed = any(step.ride is not None or isinstance(step.action, WaitUntil) for step in problem.task)
-        if timed or any(obstacle.motion is not None for obstacle in problem.scene.obstacles):
+        if problem.scene.dynamic_obstacles or any(step.timed for step in problem.task):
             found = "a run among obstacles that move by the clock, proved for its own timing alone"
             raise wrong_argument(called, "run", found, "a run among obstacles that stand still")
         constraints = _constraints(problem)

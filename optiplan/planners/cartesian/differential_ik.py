@@ -88,10 +88,8 @@ class Tracker:
         """dX/ds of the path and of the coupled frames, without the free rows."""
         own = self.path.twist(s)
         velocity, turning = own[:3], own[3:]
-        rows = [own]
-        for r in self._arms(s):
-            rows.append(np.concatenate([velocity + np.cross(turning, r), turning]))
-        return np.asarray(np.concatenate(rows)[self.rows])
+        arms = [part for r in self._arms(s) for part in (velocity + np.cross(turning, r), turning)]
+        return np.asarray(np.concatenate([own, *arms])[self.rows])
 
     def jacobian(self, q: Array) -> Array:
         """J_z (rows, n): twist of the frame and its coupled frames for dz, in world axes, m or rad."""
@@ -109,10 +107,8 @@ class Tracker:
     def _twist_rate(self, s: float) -> Array:
         """d/ds of `twist`; an arm r that turns with w adds w x (w x r)."""
         own, turning = self.path.twist_rate(s), self.path.twist(s)[3:]
-        rows = [own]
-        for r in self._arms(s):
-            rows.append(np.concatenate([own[:3] + np.cross(turning, np.cross(turning, r)), own[3:]]))
-        return np.asarray(np.concatenate(rows)[self.rows])
+        inward = (np.cross(turning, np.cross(turning, r)) for r in self._arms(s))
+        return np.asarray(np.concatenate([own, *(part for a in inward for part in (own[:3] + a, own[3:]))])[self.rows])
 
     def rate(self, s: float, q: Array) -> Array:
         """dq/ds (n,) at q (n,)."""

@@ -62,7 +62,6 @@ class PostureSmoothing:
     def __init__(self, problem: Problem, tool: SeamTool, stations: Stations) -> None:
         self.problem, self.tool, self.stations = problem, tool, stations
         t = stations.s / tool.path.speed
-        self._n = problem.robot.n
         h = np.diff(t)
         self._orders = _differences(t, stations.corner)
         limits = problem.limits

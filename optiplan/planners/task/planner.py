@@ -14,7 +14,7 @@ from optiplan.planners.task.beside import one_after_another, quickest_beside
 from optiplan.planners.task.join_steps import join_steps
 from optiplan.planners.task.optimisation.stretch_optimiser import optimised
 from optiplan.planners.task.planned_steps import Group, Pause, Stretch, TaskPart, joined_parts
-from optiplan.planners.task.rides.in_time import TaskInTime, in_time
+from optiplan.planners.task.rides.in_time import TaskInTime
 from optiplan.planners.task.sections import SectionPlanner
 from optiplan.planners.task.stops import stops_of
 from optiplan.planners.task.via_moves import ViaMoves, unsupported
@@ -54,7 +54,7 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
     refused = unsupported(problem, planner)
     if refused is not None:
         return PlanResult(None, refused)
-    if in_time(problem):
+    if any(step.timed for step in problem.task):
         return TaskInTime(problem, planner, plan_task, budget, progress).run()
     stated, problem = problem, one_after_another(problem)
     began, watch, moves = clock(), Stopwatch(), ViaMoves.of(problem, planner)

@@ -93,9 +93,8 @@ def unsupported(problem: Problem, planner: Planner[Any]) -> Failure | None:
         words = "constraints on a part of a task are not held where it has several steps; expected them of its steps"
         return Failure("unsupported", words)
     held = [problem.path_constraints] if problem.vias else []
-    for step in problem.task if planner.joins_legs else ():
-        if isinstance(step.action, Move) and step.action.vias:
-            held.append((*problem.path_constraints, *step.constraints))
+    legs = [step for step in lasting if planner.joins_legs and isinstance(step.action, Move) and step.action.vias]
+    held += [(*problem.path_constraints, *step.constraints) for step in legs]
     if all(tuple(one.during) == WHOLE for constraints in held for one in constraints):
         return None
     return Failure("unsupported", "this planner holds constraints on a part of the motion only where there are no vias")

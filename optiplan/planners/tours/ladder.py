@@ -122,8 +122,7 @@ class Ladder:
         Q = np.empty((len(choice.order) + 1, len(self.start)))
         Q[0] = self.start
         Q[[1 + target for target in choice.order]] = choice.Q
-        numbers = {target: number for target, number in zip(choice.order, choice.numbers, strict=True)}
-        numbers[START] = START
+        numbers = {START: START, **dict(zip(choice.order, choice.numbers, strict=True))}
         found = self.times.between(Q, Q)
         for (a, b), legs in self.known.seconds.items():
             seconds = legs.get((numbers[a], numbers[b]))

@@ -99,7 +99,7 @@ class NonzeroEndOptimiser:
             checked = own.checked(control, self.timed(control, duration), budget)
             if checked is None or budget.cancelled:
                 return None
-            attempt = replace(checked, close=found.nearest < ACTIVE, iterations=own.taken)
+            attempt = replace(checked, close=found.nearest < ACTIVE)
             if attempt.free or own.taken >= options.iterations or budget.over or found.missing > STUCK:
                 break
             u = own.more_instants(u, attempt)

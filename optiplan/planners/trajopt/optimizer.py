@@ -65,7 +65,6 @@ class Attempt:
         touches: the remaining contacts.
         broken: the path constraints that it still violates.
         close: whether the margin of some pair is active, so that a smaller margin may save time.
-        iterations: steps taken.
     """
 
     control: Array
@@ -73,7 +72,6 @@ class Attempt:
     touches: tuple[Touch, ...]
     broken: tuple[Broken, ...]
     close: bool = False
-    iterations: int = 0
 
     @property
     def free(self) -> bool:
@@ -189,7 +187,7 @@ class Optimiser:
                 looked = self.checked(control, self.timed(control, found.duration), budget)
             if looked is None or budget.cancelled:
                 return None
-            attempt = replace(looked, close=found.nearest < ACTIVE, iterations=self.taken)
+            attempt = replace(looked, close=found.nearest < ACTIVE)
             enough = self.taken >= self.options.iterations or (self.taken >= SLOW and found.duration > longest)
             if attempt.free or enough or budget.over or found.missing > STUCK:
                 break

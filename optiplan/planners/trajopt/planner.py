@@ -107,7 +107,7 @@ class _Run:
     """State of one call: the best motions so far, the searches for paths, the failure."""
 
     def __init__(self, problem: Problem, budget: Budget, progress: Progress, options: TrajOptOptions) -> None:
-        self.problem, self.budget, self.progress, self.options = problem, budget, progress, options
+        self.problem, self.budget, self.options = problem, budget, options
         began, self.watch = clock(), Stopwatch()
         self.info: dict[str, Any] = {"attempts": [], "cut_short": False}
         self.direct = True  # whether straight lines, with or without a bump, are still tried

@@ -105,9 +105,10 @@ class SeedlessSearch:
         """Find some guesses for ends (n,), and optimise the most promising one apart from earlier ones."""
         incumbent = self._own.incumbent
         single = [ends[number % len(ends)]]
-        found: list[CoarseCurve | None] = []
-        for goals in (single, ends):
-            found.append(None if self.attempts.over else self._searches.toward(self._sampler, goals, _SEARCH))
+        found: list[CoarseCurve | None] = [
+            None if self.attempts.over else self._searches.toward(self._sampler, goals, _SEARCH)
+            for goals in (single, ends)
+        ]
         drawn = self._sampler.within(incumbent.longest, _LINES, lambda: self.attempts.over)
         for end in [*single, *drawn]:
             line = self.attempts.optimiser.along(np.array([self.paths.problem.start, end]))

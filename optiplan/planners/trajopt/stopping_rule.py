@@ -44,9 +44,9 @@ class Patience:
     in_vain: int = 0
     seconds: float = 0.0
 
-    def work(self, steps: float = 0, states: int = 0, shortcuts: int = 0) -> None:
-        """Count work done on the attempt: steps of the optimiser, states of a search, shortcuts of its path."""
-        self.seconds += STEP * steps + STATE * states + SHORTCUT * shortcuts
+    def work(self, steps: float = 0, shortcuts: int = 0) -> None:
+        """Count work done on the attempt: steps of the optimiser, shortcuts of a path; `counted` counts states."""
+        self.seconds += STEP * steps + SHORTCUT * shortcuts
 
     def record(self, cost: float | None) -> None:
         """Record a finished attempt: the cost of its free motion (None: it has none)."""

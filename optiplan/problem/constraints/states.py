@@ -26,8 +26,8 @@ from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pairs import WORDS
 from optiplan.trajectory.state import State
 
-_RATE_SHARE = 1e-3
-"""Share of a limit of speed or acceleration by which the verifier lets it be passed."""
+RATE_SHARE = 1e-3
+"""Share of a limit of speed or acceleration by which it may be passed: at the limit there is no margin for a proof."""
 
 
 class BrokenConstraint:
@@ -150,6 +150,6 @@ def _rate(
 
 
 def _too_fast(what: str, value: float, limit: float, unit: str) -> list[str]:
-    if value <= limit * (1.0 + _RATE_SHARE):
+    if value <= limit * (1.0 + RATE_SHARE):
         return []
     return [f"too fast: {what} {value:.4g} {unit} of {limit:.4g} {unit} allowed"]

@@ -13,7 +13,6 @@ from optiplan.problem.goals_and_vias import AllOfGoal
 from optiplan.problem.partial import LocatedValue
 from optiplan.problem.seams.actions import SeamPath
 from optiplan.problem.task.arms import joints_of_arms, several_arms
-from optiplan.problem.task.rides import WaitUntil
 from optiplan.problem.task.steps import Attach, ChangeTool, Detach, Move, StraightLine, TargetTour, TaskStep
 from optiplan.robot.robot import Robot
 
@@ -88,7 +87,7 @@ def _check(compiler: Compiler, robot: Robot, scene: Scene, steps: Steps) -> None
                 found = f"`{one.KEY}` of one step beside other arms"
                 compiler.report((*place, "path_constraints"), found, "one of the whole problem")
     for part in steps:
-        if part.value.ride is not None or isinstance(part.value.action, WaitUntil):
+        if part.value.timed:
             found = "a step that goes with what moves, or waits for it, beside other arms"
             compiler.report((*part.place, part.value.kind), found, "a task of one arm")
     if scene.dynamic_obstacles:

@@ -63,7 +63,7 @@ class Task:
             group: of joints that move; None: that of the problem.
             step: see the class.
         """
-        said: dict[str, Any] = _ends(to, "Task.move", "to") | _vias(vias, "Task.move")
+        said: dict[str, Any] = _ends(to, "Task.move") | _vias(vias, "Task.move")
         return self._with("move", said | _given(rides=rides, group=group), step)
 
     def line(  # noqa: PLR0913
@@ -107,7 +107,7 @@ class Task:
         as of `move`.
         """
         said: dict[str, Any]
-        said = {"grasps": to.to_data()} if isinstance(to, Grasps) else _ends(to, "Task.approach", "to")
+        said = {"grasps": to.to_data()} if isinstance(to, Grasps) else _ends(to, "Task.approach")
         if "any_of" in said:
             said["any_of"] = [one["pose"] if "pose" in one else one for one in said["any_of"]]
         said |= _vias(vias, "Task.approach")
@@ -140,7 +140,7 @@ class Task:
             place: further keys of a `place` of a problem file, `open_` for its `open`, and those of the step.
         """
         step = {key: place.pop(key) for key in STEP if key in place}
-        said = _ends(to, "Task.place", "to")
+        said = _ends(to, "Task.place")
         if "any_of" in said:
             said["any_of"] = [one["pose"] if "pose" in one else one for one in said["any_of"]]
         return self._written("place", _given(object=object, open=place.pop("open_", None), **said, **place), step)
@@ -350,10 +350,10 @@ def _step(kind: str, said: Any, step: Mapping[str, Any]) -> dict[str, Any]:
     return data
 
 
-def _ends(to: Any, function: str, argument: str) -> dict[str, Any]:
+def _ends(to: Any, function: str) -> dict[str, Any]:
     if not is_several(to):
-        return end_data(to, function, argument)
-    return {"any_of": [end_data(end, function, f"{argument}[{k}]") for k, end in enumerate(to)]}
+        return end_data(to, function, "to")
+    return {"any_of": [end_data(end, function, f"to[{k}]") for k, end in enumerate(to)]}
 
 
 def _vias(vias: Any, function: str) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
 from optiplan.geometry.pose import PoseGoalSpec
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
-from optiplan.problem.builder import Compiler, frame_names, link_names
+from optiplan.problem.builder import Compiler
 from optiplan.problem.constraints.base import WHOLE, unit
 from optiplan.problem.constraints.statements import PathConstraint, frame_of
 from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
@@ -56,7 +56,7 @@ from optiplan.problem.task.steps import (
 from optiplan.problem.task.tour_reading import read_tour
 from optiplan.problem.tools.reading import ToolsInUse
 from optiplan.problem.tools.tool import NONE, stated_alone
-from optiplan.robot.frames import with_tool_of
+from optiplan.robot.frames import frame_names, link_names, with_tool_of
 from optiplan.robot.robot import Robot
 
 Located = LocatedValue[TaskStepSpec]
@@ -177,7 +177,7 @@ class TaskReader:
 
     def _allowed(self, part: Located) -> frozenset[frozenset[str]]:
         tools = [body.name for tool in self.tools.by_name.values() for body in tool.bodies]
-        bodies = {*link_names(self.robot), *self.scene.names, *tools}
+        bodies = {*link_names(self.robot.model), *self.scene.names, *tools}
         for k, pair in enumerate(part.value.allowed_collisions):
             for i, name in enumerate(pair):
                 if name not in bodies and self.compiler.sound_tools:
@@ -317,10 +317,10 @@ class TaskReader:
             yield StraightLine(joints, frame, (), by, axes is None, _speed(spec), spec.blend or 0.0)
 
     def _frame(self, place: Place, spec: StraightLineSpec | RetreatSpec) -> str | None:
-        if spec.frame is None or spec.frame in frame_names(self.robot):
+        if spec.frame is None or spec.frame in frame_names(self.robot.model):
             self.compiler.followed.update([spec.frame] if spec.frame else [])
             return spec.frame or self._with_tool_of(spec.group).tool_frame
-        self.compiler.unknown((*place, "frame"), "frame", spec.frame, frame_names(self.robot))
+        self.compiler.unknown((*place, "frame"), "frame", spec.frame, frame_names(self.robot.model))
         return None
 
     def _gripper(self, place: Place, spec: GripperSpec) -> Iterator[Move]:
@@ -348,7 +348,7 @@ class TaskReader:
         yield change
 
     def _attach(self, place: Place, spec: AttachSpec) -> Iterator[Attach]:
-        links = link_names(self.robot)
+        links = link_names(self.robot.model)
         for at, name in [(("link",), spec.link), *((("touch", i), name) for i, name in enumerate(spec.touch))]:
             if name not in links:
                 self.compiler.unknown((*place, *at), "link", name, links)

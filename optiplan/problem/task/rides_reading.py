@@ -56,7 +56,6 @@ class RideReader:
 
     def __init__(self, compiler: Compiler, scene: Scene) -> None:
         self._compiler = compiler
-        self._scene = scene
         self.movers = {name: _mover(name, said) for name, said in _frames(compiler).items()}
         for body in scene.dynamic_obstacles:
             if body.motion is not None:
@@ -95,7 +94,7 @@ class RideReader:
             return replace(action, mover=mover), ride
         elif ride is not None and isinstance(action, Move):
             if shared := set(action.joints) & set(ride.joints):
-                found = f"{sorted(shared)[0]}, a joint that goes with '{ride.mover.name}'"
+                found = f"{min(shared)}, a joint that goes with '{ride.mover.name}'"
                 self._report((*place, "group"), found, "other joints, such as those of the fingers")
         elif ride is not None and not isinstance(action, Dwell | WaitUntil):
             found = f"a {spec.kind} while the arm goes with '{ride.mover.name}'"

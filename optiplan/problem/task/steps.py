@@ -233,6 +233,11 @@ class TaskStep:
     option: tuple[int, int] | None = None
 
     @property
+    def timed(self) -> bool:
+        """Whether it goes with what moves, or waits for it."""
+        return self.ride is not None or isinstance(self.action, WaitUntil)
+
+    @property
     def words(self) -> str:
         """The step as messages name it."""
         return f"step {self.number} ({self.name})"

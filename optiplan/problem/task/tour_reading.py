@@ -12,12 +12,13 @@ from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError, Issue
 from optiplan.geometry.pose import pose_of
 from optiplan.kinematics.ik.numeric import joints_that_move
-from optiplan.problem.builder import Compiler, link_names
+from optiplan.problem.builder import Compiler
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.schema.tour import TargetSpec, TourSpec
 from optiplan.problem.task.steps import Process, Target, TargetTour
 from optiplan.problem.task.target_files import read_targets
 from optiplan.problem.task.tour_order import cycle
+from optiplan.robot.frames import link_names
 from optiplan.robot.robot import Robot
 
 _SAME = 1e-6
@@ -71,7 +72,7 @@ def _carrier(
     name = spec.carried_by
     if name is None or frame is None:
         return "" if name is None else None
-    links = link_names(robot)
+    links = link_names(robot.model)
     if name not in links:
         compiler.unknown((*place, "carried_by"), "link", name, links)
         return None

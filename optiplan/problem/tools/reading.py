@@ -11,8 +11,9 @@ from optiplan.config.simple_yaml import Place
 from optiplan.geometry.pose import pose_of
 from optiplan.geometry.scene import Scene
 from optiplan.geometry.shapes import build_geometry
-from optiplan.problem.builder import Compiler, frame_names, link_names
+from optiplan.problem.builder import Compiler
 from optiplan.problem.tools.tool import NONE, MountedTool, ToolBody, at_first
+from optiplan.robot.frames import frame_names, link_names
 from optiplan.robot.mounting import FixedFrame
 from optiplan.robot.robot import Robot
 
@@ -23,8 +24,8 @@ if TYPE_CHECKING:
 
 def read_tools(compiler: Compiler, robot: Robot, scene: Scene) -> tuple[MountedTool, ...]:
     """Return the valid tools, whose names and those of their bodies are unlike all others."""
-    taken = dict.fromkeys(link_names(robot), "a link of the robot")
-    taken |= dict.fromkeys(frame_names(robot), "a frame of the robot") | dict.fromkeys(scene.names, "a body")
+    taken = dict.fromkeys(link_names(robot.model), "a link of the robot")
+    taken |= dict.fromkeys(frame_names(robot.model), "a frame of the robot") | dict.fromkeys(scene.names, "a body")
     found = []
     for place, name, spec in compiler.tools:
         if name == NONE or name in taken:
@@ -32,7 +33,7 @@ def read_tools(compiler: Compiler, robot: Robot, scene: Scene) -> tuple[MountedT
             compiler.report(place, f"'{name}', {what}", "a name of its own")
             continue
         taken[name] = "a tool"
-        links = link_names(robot)
+        links = link_names(robot.model)
         for at, link in [(("link",), spec.link), *((("touch", i), one) for i, one in enumerate(spec.touch))]:
             if link not in links:
                 compiler.unknown((*place, *at), "link", link, links)
@@ -122,7 +123,7 @@ class ToolsInUse:
 
     def seen(self, robot: Robot) -> Robot:
         """Return the robot with the frames that there are now, and the TCP of the tool as its tool frame."""
-        links = set(link_names(robot))
+        links = set(link_names(robot.model))
         tools = () if self.now is None else (self.now.frame,)
         held = [one for one in self.held.values() if one.link in links]
         return _framed(robot, (*tools, *held), self.now)

@@ -6,10 +6,9 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from optiplan.config.document import Number, Strict
-from optiplan.config.values import NotNegative
+from optiplan.config.values import Length, Name, NotNegative
 from optiplan.geometry.poses import check_angles
 from optiplan.robot.dh.table import DhRow, DhTable
-from optiplan.robot.spec_values import Length, Name
 
 Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Moments = Annotated[list[NotNegative], Field(min_length=3, max_length=3)]

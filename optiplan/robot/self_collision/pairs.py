@@ -19,6 +19,7 @@ from optiplan.arrays import Array
 from optiplan.config.document import Document
 from optiplan.config.messages import choices
 from optiplan.errors import InputError
+from optiplan.robot.frames import link_names
 from optiplan.robot.self_collision.pair_survey import ALWAYS, PairSurvey, link_pairs, survey_pairs
 from optiplan.robot.spec import RobotSpec
 from optiplan.robot.urdf.reader import UrdfSource
@@ -63,7 +64,7 @@ def declared_pairs(
     Raises:
         InputError: a name in `allowed_collisions` that is no link.
     """
-    links = [str(frame.name) for frame in model.frames if frame.type == pin.FrameType.BODY]
+    links = link_names(model)
     issues = [
         document.issue(("allowed_collisions", k, i), f"unknown link '{name}'", choices(name, links))
         for k, pair in enumerate(spec.allowed_collisions)

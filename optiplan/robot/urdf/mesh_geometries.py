@@ -51,7 +51,7 @@ def read_bodies(model: pin.Model, xml: str, kind: pin.GeometryType) -> UrdfBodie
     """
     root = ET.fromstring(xml)
     tag = "collision" if kind == pin.GeometryType.COLLISION else "visual"
-    meshes = {place: mesh for place, mesh in _take_meshes(root, tag)}
+    meshes = dict(_take_meshes(root, tag))
     files: dict[str, MeshFile] = {}
     for mesh in meshes.values():
         name = mesh.get("filename", "")

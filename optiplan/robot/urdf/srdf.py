@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from optiplan.config.messages import one_line
 from optiplan.robot.urdf.elements import parsed_xml, xml_text
 
 LinkPair = tuple[str, str]
@@ -38,7 +39,7 @@ def read_srdf(path: Path, renamed: Mapping[str, str]) -> Srdf:
     disabled = {}
     for item in root.iter("disable_collisions"):
         a, b = (renamed.get(name, name) for name in (item.get("link1", ""), item.get("link2", "")))
-        disabled[link_pair(a, b)] = item.get("reason") or "User"
+        disabled[link_pair(a, b)] = one_line(item.get("reason") or "User")
     notes: list[str] = []
     return Srdf(disabled, _states(root, notes), notes)
 
@@ -56,11 +57,14 @@ def _states(root: ET.Element, notes: list[str]) -> list[tuple[str, dict[str, flo
     states = []
     for state in root.iter("group_state"):
         name, values = state.get("name", ""), {}
+        if not name.isprintable():  # it would rule the terminal that it is printed to
+            notes.append(f"left out: state {one_line(name)} of the SRDF, a name with characters that are not printable")
+            continue
         for joint in state.iter("joint"):
             values[joint.get("name", "")] = numbers = _numbers(joint.get("value", ""))
             if not numbers or not all(map(math.isfinite, numbers)):
                 what = "no number" if not numbers else "not finite"
-                found = f"'{joint.get('value', '')}' of {joint.get('name')} is {what}"
+                found = one_line(f"'{joint.get('value', '')}' of {joint.get('name')} is {what}")
                 notes.append(f"left out: state {name} of the SRDF, in which {found}")
                 break
         else:

@@ -147,7 +147,7 @@ class _DataSet:
             name: {"dtype": "float32", "shape": [len(self.joints)], "names": [f"{joint}.pos" for joint in self.joints]}
             for name in ("observation.state", "action")
         }
-        single = {name: "int64" for name in ("frame_index", "episode_index", "index", "task_index")}
+        single = dict.fromkeys(("frame_index", "episode_index", "index", "task_index"), "int64")
         for name, kind in {"timestamp": "float32", **single}.items():
             features[name] = {"dtype": kind, "shape": [1], "names": None}
         info = {

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.api.driving import execution_by
+from optiplan.arrays import finite_or_none
 from optiplan.bench.execution.keeper import RESPITE
 from optiplan.cores import keeping_time, take_turns
 from optiplan.errors import InputError, Issue, OptiPlanError
@@ -80,7 +81,7 @@ class Executing:
             "duration": run.duration,
             "rate": self._execution.capabilities.rate,
             "joint_names": list(robot.joint_names),
-            "velocity_limits": [float(x) if np.isfinite(x) else None for x in run.problem.limits.velocity],
+            "velocity_limits": list(map(finite_or_none, run.problem.limits.velocity)),
         }
 
     def run(self, channel: Any) -> Message:

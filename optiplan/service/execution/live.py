@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, finite_or_none
 from optiplan.control.step import ControlStep
 from optiplan.errors import InputError, wrong_argument
 from optiplan.geometry.poses import pose_error
@@ -137,7 +137,7 @@ def live_about(loop: LiveLoop) -> Mapping[str, Any]:
         "period": PERIOD,
         "joint_names": list(robot.joint_names),
         "frame": robot.tool_frame,
-        "velocity_limits": [float(x) if np.isfinite(x) else None for x in limits.velocity],
+        "velocity_limits": list(map(finite_or_none, limits.velocity)),
         "clearance": TaskSpaceSpec().clearance,
         "target": pin.SE3ToXYZQUAT(loop.first).tolist(),
     }

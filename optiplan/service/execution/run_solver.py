@@ -19,9 +19,9 @@ STAGE = 0.5
 """s between two events about one stage."""
 
 
-def failed(kind: str, detail: str, timings: Record | None = None) -> RunEnd:
+def failed(kind: str, detail: str) -> RunEnd:
     """The end of a run without a motion."""
-    return RunEnd("failed", False, failure={"kind": kind, "detail": detail, "witness": {}}, timings=timings)
+    return RunEnd("failed", False, failure={"kind": kind, "detail": detail, "witness": {}})
 
 
 class RunSolver:

@@ -118,7 +118,7 @@ class Progress:
 
     def __init__(self, send: Callable[[Message, Mapping[str, bytes]], None], connection: Connection) -> None:
         self._send, self._connection = send, connection
-        self._stage, self._told, self._began = "", 0.0, time.perf_counter()
+        self._stage, self._told = "", 0.0
 
     def __call__(self, stage: str, fraction: float) -> None:
         """Tell of a stage, now and then."""

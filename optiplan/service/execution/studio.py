@@ -6,17 +6,16 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, finite_or_none
 from optiplan.collision.kept_models import collision_model
 from optiplan.config.messages import choices
 from optiplan.errors import InputError, Issue
 from optiplan.geometry.poses import pose_from_data
 from optiplan.kinematics.ik.solve import answer
-from optiplan.problem.builder import frame_names
 from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, PoseGoal
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.steps import Move, StraightLine
-from optiplan.robot.frames import frame_pose
+from optiplan.robot.frames import frame_names, frame_pose
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.runs import Poses
@@ -40,7 +39,12 @@ def studio_scene(problem: Problem, motion: Trajectory | None = None) -> dict[str
     """
     limits = problem.robot.limits
     joints = [
-        {"name": name, "unit": problem.robot.unit("position", j), "lower": _finite(low), "upper": _finite(high)}
+        {
+            "name": name,
+            "unit": problem.robot.unit("position", j),
+            "lower": finite_or_none(low),
+            "upper": finite_or_none(high),
+        }
         for j, (name, low, high) in enumerate(zip(problem.robot.joint_names, limits.lower, limits.upper, strict=True))
     ]
     return {
@@ -89,7 +93,7 @@ def branches(
     given[3:] /= np.linalg.norm(given[3:])
     q = problem.start if near is None else np.asarray(near, float)
     _check(problem, q)
-    if frame is not None and frame not in (known := frame_names(problem.robot)):
+    if frame is not None and frame not in (known := frame_names(problem.robot.model)):
         raise InputError([Issue("request", None, "frame", f"unknown frame '{frame}'", choices(frame, known))])
     found = answer(problem.robot, frame or problem.robot.tool_frame, pin.XYZQUATToSE3(given), q)
     model = collision_model(problem.robot, problem.scene)
@@ -191,7 +195,3 @@ def _flat(problem: Problem, q: Array) -> list[list[float]]:
 def _tool(problem: Problem, q: Array) -> list[float]:
     pose: list[float] = pin.SE3ToXYZQUAT(frame_pose(problem.robot, q, problem.robot.tool_frame)).tolist()
     return pose
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

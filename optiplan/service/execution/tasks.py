@@ -13,7 +13,7 @@ import numpy as np
 import optiplan
 from optiplan.errors import InputError, Issue
 from optiplan.files import reading
-from optiplan.planners.base import Budget, stages_of
+from optiplan.planners.base import Budget, silent, stages_of
 from optiplan.planners.registry import load_libraries
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
@@ -57,7 +57,7 @@ class Tasks:
         with reading(None):
             problem = load_problem(problems_dir() / "01_reach.yaml")
         load_libraries("trajopt")  # of which the example needs none
-        pipeline.run(problem, "trajopt", {}, Budget(_WARM_UP), lambda stage, fraction: None)
+        pipeline.run(problem, "trajopt", {}, Budget(_WARM_UP), silent)
 
     def check(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """Read a problem and the planner's options; the answer says what they are, and whether that `lasts`."""

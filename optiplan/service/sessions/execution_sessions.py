@@ -8,7 +8,6 @@ import asyncio
 import itertools
 import json
 import logging
-import math
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -194,7 +193,7 @@ class ExecutionSessions(Sessions[ExecutionSession]):
             asked = given.model_dump(include=_STEERING)
             asked["patience"] = given.patience or setup.patience
             asked |= {"run": run, "robot": given.driver, "driver": setup.driver, "driver_options": dict(setup.options)}
-            return await self._begin({**motion, **asked, "do": "execute"}, math.inf)
+            return await self._begin({**motion, **asked, "do": "execute"})
         finally:
             self._reserved.discard(given.driver)
 

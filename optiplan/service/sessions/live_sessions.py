@@ -1,7 +1,6 @@
 """Controllers that run for live views: started, aimed, stopped; none runs on unseen."""
 
 import asyncio
-import math
 from typing import Any
 
 from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob, SolverPool
@@ -69,7 +68,7 @@ class LiveSessions(Sessions[LiveSession]):
         self._starting += 1
         try:
             await self._requests.check(given)
-            return await self._begin({**request, "do": "live", "engine": given.engine}, math.inf)
+            return await self._begin({**request, "do": "live", "engine": given.engine})
         finally:
             self._starting -= 1
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import base64
+import math
 import uuid
 from abc import ABC, abstractmethod
 from array import array
@@ -147,8 +148,8 @@ class Sessions(ABC, Generic[Kind]):
             raise not_found(f"{self._called} that runs under", session)
         return self._running[session]
 
-    async def _begin(self, request: State, longest: float) -> Kind:
-        """Have a process begin; return once it runs, for at most `longest`, s.
+    async def _begin(self, request: State) -> Kind:
+        """Have a process begin, which runs until it is stopped; return once it runs.
 
         Raises:
             Refusal: it does not begin.
@@ -161,7 +162,7 @@ class Sessions(ABC, Generic[Kind]):
             if session is not None:
                 loop.call_soon_threadsafe(session.take, content)
 
-        job = SolverJob(request, longest, told=told, look=LOOK)
+        job = SolverJob(request, math.inf, told=told, look=LOOK)
         begun, whole = self._pool.submit_early(self._lane, job)
         try:
             await asyncio.wait([begun, whole], return_when=asyncio.FIRST_COMPLETED)

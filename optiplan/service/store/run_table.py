@@ -119,10 +119,9 @@ class RunTable:
             query = query.where(runs.c.submitted < before)
         return self._all(query)
 
-    def of_states(self, states: Sequence[RunState], holder: str | None = None) -> list[Record]:
-        """The runs of some states, the first submitted first; only those that a process holds."""
-        query = sa.select(runs).where(runs.c.status.in_(states)).order_by(runs.c.submitted)
-        return self._all(query if holder is None else query.where(runs.c.holder == holder))
+    def of_states(self, states: Sequence[RunState]) -> list[Record]:
+        """The runs of some states, the first submitted first."""
+        return self._all(sa.select(runs).where(runs.c.status.in_(states)).order_by(runs.c.submitted))
 
     def first_queued(self, without: Sequence[str]) -> str | None:
         """The queued run that was submitted first, of those that are not named; None if there is none."""

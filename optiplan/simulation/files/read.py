@@ -14,13 +14,13 @@ from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.files import is_folder, reading
-from optiplan.problem.builder import frame_names
 from optiplan.problem.examples import find_problem
 from optiplan.problem.from_data import read_problem
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
 from optiplan.records import dataclass
 from optiplan.resources import control_dir
+from optiplan.robot.frames import frame_names
 from optiplan.robot.given_configurations import wrong_names
 from optiplan.robot.robot import Robot
 from optiplan.simulation.closed_loop import OF_TASKS
@@ -178,9 +178,9 @@ def _sizes(control: ControlFile) -> list[Issue]:
         place = ("reference", "step", "joint")
         issues.append(control.document.issue(place, f"unknown joint '{step.joint}'", expected))
     frame = getattr(spec.reference.value, "frame", None)
-    if frame is not None and frame not in frame_names(control.robot):
+    if frame is not None and frame not in frame_names(control.robot.model):
         place = ("reference", spec.reference.kind, "frame")
-        expected = choices(frame, sorted(frame_names(control.robot)))
+        expected = choices(frame, sorted(frame_names(control.robot.model)))
         issues.append(control.document.issue(place, f"unknown frame '{frame}'", expected))
     return issues
 

@@ -16,7 +16,7 @@ LEAST_INERTIA = 1e-9
 """kg·m² (kg): a joint that feels less inertia than this has none; the lightest real wrist has 1e-5."""
 
 
-def check_inertias(robot: Robot, file: str = "robot", line: int | None = None) -> None:
+def check_inertias(robot: Robot) -> None:
     """Raise InputError, naming the joints and links, unless every planned joint moves some inertia."""
     without = np.flatnonzero(RigidBodyDynamics(robot).felt_inertia() < LEAST_INERTIA)
     if not len(without):
@@ -25,7 +25,7 @@ def check_inertias(robot: Robot, file: str = "robot", line: int | None = None) -
     named = ", ".join(f"{robot.joint_names[j]} (link {link})" for j, link in zip(without, links, strict=True))
     found = f"no inertia that these joints of '{robot.name}' would move: {named}"
     expected = "<inertial> with a mass in these links of the URDF, or `mass:` in the robot's table; or `engine: ideal`"
-    raise InputError([Issue(file, line, "robot", found, expected)])
+    raise InputError([Issue("robot", None, "robot", found, expected)])
 
 
 def _link(robot: Robot, joint: str) -> str:

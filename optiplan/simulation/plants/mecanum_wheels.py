@@ -97,7 +97,7 @@ class MecanumWheels:
         self._dof = np.array([model.joint(f"wheel {wheel}").dofadr[0] for wheel in WHEELS])
         self._lifted = np.array([model.joint(f"base {name}").qposadr[0] for name in ("heave", "pitch", "roll")])
         data.qvel[self._dof] = self._matrix(q) @ v
-        self._odometry = self._began = np.array(q[self._base], float)
+        self._odometry = np.array(q[self._base], float)
         self._drift, self._travel, self._lift = np.zeros(3), 0.0, 0.0
 
     def _matrix(self, q: Array) -> Array:

@@ -188,15 +188,15 @@ def _rods_across(corners: Array, normals: Array, offsets: Array) -> list[tuple[A
     return found
 
 
-def _directions(count: int) -> Array:
-    """Unit vectors (count, 3) spread over half a sphere, and the three axes."""
-    k = np.arange(count) + 0.5
-    height, turn = k / count, np.pi * (1.0 + np.sqrt(5.0)) * k
+def _directions() -> Array:
+    """A hundred unit vectors spread over half a sphere, and the three axes: (103, 3)."""
+    k = np.arange(100) + 0.5
+    height, turn = k / 100, np.pi * (1.0 + np.sqrt(5.0)) * k
     across = np.sqrt(1.0 - height**2)
     return np.vstack([np.eye(3), np.column_stack([across * np.cos(turn), across * np.sin(turn), height])])
 
 
-DIRECTIONS = _directions(100)
+DIRECTIONS = _directions()
 OUTWARD = np.vstack([DIRECTIONS[:30], -DIRECTIONS[:30]])
 
 

@@ -51,7 +51,7 @@ class SeamProof:
     """
 
     def __init__(self, part: SeamPart, robot: Robot, motion: Trajectory, policy: VerifyPolicy) -> None:
-        self.part, self.motion, self.policy = part, motion, policy
+        self.part, self.motion = part, motion
         self.curve = part.path.curve
         self._frame = FrameMotion(robot, part.path.frame)
         self._proof = FrameProof(self._frame, motion, policy)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, finite_or_none
 from optiplan.errors import InputError, Issue
 from optiplan.files import folder_of
 from optiplan.problem.problem import Problem
@@ -59,7 +59,7 @@ def log_quantities(problem: Problem, log: Arrays, most: int) -> list[dict[str, A
     torque = problem.limits.torque
     if np.abs(log["applied"]).max(initial=0.0) > 0.0:
         applied = _quantity("applied", joint_units("torque", robot.revolute), names, log["applied"], "joints")
-        limit = [float(x) if np.isfinite(x) else None for x in torque]
+        limit = list(map(finite_or_none, torque))
         found.append(applied | {"low": [None if x is None else -x for x in limit], "high": limit})
     slack = {name.removeprefix(_SLACK): y for name, y in log.items() if name.startswith(_SLACK)}
     if slack:

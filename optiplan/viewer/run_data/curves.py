@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, finite_or_none
 from optiplan.kinematics.manipulability import JacobianRows, ToolKinematics, manipulability_measures, scaled
 from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
 from optiplan.problem.problem import Problem
@@ -46,8 +46,8 @@ def _derivatives(problem: Problem, found: MotionCurves) -> list[dict[str, Any]]:
     shown = []
     for order, (name, (low, high)) in enumerate(zip(ORDERS, bounds, strict=True)):
         data = _quantity(name, joint_units(name, robot.revolute), short_names(robot.joint_names), found.joints[order])
-        data |= {"low": _finite(low), "high": _finite(high), "extrema": _extrema(found.extrema[order])}
-        shown.append(data | {"of": "joints", "kind": "exact"})
+        data |= {"low": list(map(finite_or_none, low)), "high": list(map(finite_or_none, high))}
+        shown.append(data | {"extrema": _extrema(found.extrema[order]), "of": "joints", "kind": "exact"})
     return shown
 
 
@@ -55,7 +55,7 @@ def _torque(problem: Problem, found: MotionCurves) -> dict[str, Any]:
     limits: Limits = problem.limits
     unit = joint_units("torque", problem.robot.revolute)
     data = _quantity("torque", unit, short_names(problem.robot.joint_names), found.torque)
-    data |= {"low": _finite(-limits.torque), "high": _finite(limits.torque)}
+    data |= {"low": list(map(finite_or_none, -limits.torque)), "high": list(map(finite_or_none, limits.torque))}
     return data | {"extrema": _extrema(found.torque_extrema), "of": "joints", "kind": "sampled"}
 
 
@@ -101,10 +101,6 @@ def _wheels(problem: Problem, samples: PieceSamples) -> list[dict[str, Any]]:
 
 def _quantity(name: str, unit: str, names: Sequence[str], values: Array) -> dict[str, Any]:
     return {"name": name, "unit": unit, "series": list(names), "y": values}
-
-
-def _finite(values: Array) -> list[float | None]:
-    return [float(value) if np.isfinite(value) else None for value in values]
 
 
 def _extrema(e: Extrema) -> list[list[list[float]]]:

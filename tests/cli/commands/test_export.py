@@ -7,12 +7,6 @@ from optiplan.errors import OptiPlanError
 from optiplan.viewer import pictures
 
 
-@pytest.fixture
-def run(optiplan, free, tmp_path):
-    assert optiplan("plan", free, "--out", tmp_path / "run")[0] == 0
-    return tmp_path / "run"
-
-
 def test_a_motion_is_written_beside_its_run_and_verified_again(optiplan, run, free):
     code, out, _ = optiplan("export", run, "--to", "csv", "--rate", "1000")
     assert code == 0

@@ -5,12 +5,6 @@ import pytest
 import optiplan as op
 
 
-@pytest.fixture
-def run(optiplan, free, tmp_path):
-    assert optiplan("plan", free, "--out", tmp_path / "run")[0] == 0
-    return tmp_path / "run"
-
-
 def test_a_folder_gets_every_figure(optiplan_json, run, tmp_path):
     code, found = optiplan_json("plot", run, "--out", tmp_path / "figures", "--format", "svg,csv")
     assert code == 0

@@ -4,13 +4,6 @@ import numpy as np
 import pytest
 
 
-@pytest.fixture
-def run(optiplan, free, tmp_path):
-    """A stored run of `free`."""
-    assert optiplan("plan", free, "--out", tmp_path / "run")[0] == 0
-    return tmp_path / "run"
-
-
 def change(run, **changes):
     path = run / "trajectory.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | changes))

@@ -13,12 +13,6 @@ from optiplan.cli import viewing
 from optiplan.cli.commands.view import ADDRESS
 
 
-@pytest.fixture
-def run(optiplan, free, tmp_path):
-    assert optiplan("plan", free, "--out", tmp_path / "run")[0] == 0
-    return tmp_path / "run"
-
-
 def test_export_writes_one_page(optiplan, run, tmp_path):
     page = tmp_path / "pages" / "view.html"
     code, out, _ = optiplan("view", run, "--export", page)

@@ -12,6 +12,7 @@ from optiplan.execution.drivers.base import DriverError
 
 pytest.importorskip("roslibpy")
 from tests.execution.drivers.rosbridge_server import Robot, Server
+from tests.waiting import wait_until
 
 pytestmark = pytest.mark.usefixtures("urgent")
 
@@ -40,13 +41,6 @@ def from_path(run, seen):
     return max(np.abs(path - q).max(axis=1).min() for q in seen)
 
 
-def until(condition, seconds=20.0):
-    began = time.monotonic()
-    while not condition() and time.monotonic() < began + seconds:
-        time.sleep(0.005)
-    assert condition()
-
-
 def test_a_motion_arrives_and_stays_on_its_path(run, robot, monkeypatch):
     monkeypatch.setattr(ros2_control, "LEAD", 3.0)  # on a busy machine a tick comes a second late
     execution = execution_of(run, robot, oldest=3.0)  # and a state, too
@@ -66,12 +60,12 @@ def test_without_us_the_robot_stops_on_its_path(run, robot):
     """Each goal ends in the proved stop: here our connection ends."""
     execution = execution_of(run, robot, override=0.5, oldest=3.0)
     execution.start()
-    until(lambda: execution.snapshot()["place"] > 0.15)
+    wait_until(lambda: execution.snapshot()["place"] > 0.15)
     execution._driver._ros.close()  # as a cable that is pulled
     found = execution.wait(20.0)
     assert found["phase"] == "stopped"
     assert "the connection to the rosbridge server is lost" in found["reason"]
-    until(lambda: robot.clock() > robot.t[-1])
+    wait_until(lambda: robot.clock() > robot.t[-1])
     assert from_path(run, [*robot.seen, robot.q[-1]]) < 0.01
     assert not np.allclose(robot.q[-1], run.trajectory.end, atol=0.1)
 
@@ -80,7 +74,7 @@ def test_without_us_the_robot_stops_on_its_path(run, robot):
 def test_a_robot_that_does_otherwise_ends_in_a_stop(run, robot, fault, reason):
     execution = execution_of(run, robot, override=0.5, oldest=3.0)
     execution.start()
-    until(lambda: execution.snapshot()["place"] > 0.1)
+    wait_until(lambda: execution.snapshot()["place"] > 0.1)
     setattr(robot, fault, 50.0 if fault == "scaling" else True)
     found = execution.wait(20.0)
     assert found["phase"] == "stopped"
@@ -91,12 +85,12 @@ def test_a_robot_that_does_otherwise_ends_in_a_stop(run, robot, fault, reason):
 def test_goals_never_begin_by_a_clock_that_leapt(run, robot, leap):
     execution = execution_of(run, robot, override=0.5)
     execution.start()
-    until(lambda: execution.snapshot()["place"] > 0.1)
+    wait_until(lambda: execution.snapshot()["place"] > 0.1)
     robot.leap = leap
     found = execution.wait(20.0)
     assert found["phase"] == "stopped"
     assert "the stamps of joint states leapt from" in found["reason"]
-    until(lambda: robot.clock() > robot.t[-1])
+    wait_until(lambda: robot.clock() > robot.t[-1])
     assert from_path(run, [*robot.seen, robot.q[-1]]) < 0.01
     assert max(robot.leads) < 0.11
 
@@ -105,7 +99,7 @@ def test_the_client_does_not_connect_again(run, robot):
     execution = execution_of(run, robot, override=0.5, oldest=3.0)
     execution._driver._ros.factory._reconnect_delay = 0.05
     execution.start()
-    until(lambda: execution.snapshot()["place"] > 0.1)
+    wait_until(lambda: execution.snapshot()["place"] > 0.1)
     robot.connections[0].close()
     assert "the connection to the rosbridge server is lost" in execution.wait(20.0)["reason"]
     time.sleep(0.5)

@@ -2,7 +2,6 @@
 
 import socket
 import threading
-import time
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from optiplan.errors import InputError, OptiPlanError
 from optiplan.execution.drivers import ur_rtde
 from optiplan.execution.drivers.base import DriverError
 from tests.execution.drivers.ur_controller import SERVOJ, STOP_PROGRAM, WATCHDOG, ControllerProcess
+from tests.waiting import wait_until
 
 pytest.importorskip("rtde_control")
 pytestmark = pytest.mark.usefixtures("urgent")
@@ -38,7 +38,7 @@ def moving(run):
             driver = op.driver("ur_rtde", run, host=robots[-1].host, rate=125.0)
             execution = op.Execution(op.Executor(run, override=override), driver, patience=0.1)
             execution.start()
-            until(lambda: execution.snapshot()["place"] >= place or execution.snapshot()["over"])  # noqa: B023
+            wait_until(lambda: execution.snapshot()["place"] >= place or execution.snapshot()["over"])  # noqa: B023
             if execution.snapshot()["place"] >= place:
                 return robots[-1], execution
             robots[-1].kill()
@@ -47,13 +47,6 @@ def moving(run):
     yield begin
     for robot in robots:
         robot.kill()
-
-
-def until(condition, seconds=20.0):
-    began = time.monotonic()
-    while not condition() and time.monotonic() < began + seconds:
-        time.sleep(0.005)
-    assert condition()
 
 
 def test_a_motion_arrives(run, moving):

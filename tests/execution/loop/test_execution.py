@@ -15,6 +15,7 @@ from optiplan.execution.measurement import Measurement
 from optiplan.execution.paths import proved_path
 from optiplan.execution.scene import scene_watch
 from tests.execution.in_process import FollowingRobot, SetClock, executed, steps_within_limits
+from tests.waiting import wait_until
 
 FAILS_AT = 250
 
@@ -35,23 +36,16 @@ def slow(run):
     execution.wait(20.0)
 
 
-def until(condition, seconds=20.0):
-    began = time.monotonic()
-    while not condition() and time.monotonic() < began + seconds:
-        time.sleep(0.005)
-    assert condition()
-
-
 def test_commands_are_taken_at_the_next_tick(slow):
-    until(lambda: slow.snapshot()["place"] > 0.1)
+    wait_until(lambda: slow.snapshot()["place"] > 0.1)
     slow.pause()
-    until(lambda: slow.snapshot()["phase"] == "paused")
+    wait_until(lambda: slow.snapshot()["phase"] == "paused")
     place = slow.snapshot()["place"]
     slow.reverse()
-    until(lambda: slow.snapshot()["speed"] < 0.0)
+    wait_until(lambda: slow.snapshot()["speed"] < 0.0)
     slow.resume()
     slow.override(0.8)
-    until(lambda: slow.snapshot()["place"] > place)
+    wait_until(lambda: slow.snapshot()["place"] > place)
     assert slow.snapshot()["override"] == 0.8
     slow.stop("enough")
     found = slow.wait(20.0)
@@ -88,9 +82,9 @@ def test_no_command_raises(slow, command):
 
 def test_another_motion_takes_over(run, slow):
     """The path of the other motion is prepared here, and handed over at a tick."""
-    until(lambda: slow.snapshot()["place"] > 0.1)
+    wait_until(lambda: slow.snapshot()["place"] > 0.1)
     slow.pause()
-    until(lambda: slow.snapshot()["phase"] == "paused")
+    wait_until(lambda: slow.snapshot()["phase"] == "paused")
     state = slow.state_in(0.0)
     home = op.plan(run.problem.with_start(op.State(state.q)).with_goal(run.problem.start), budget=1.0)
     assert slow.splice(home)
@@ -124,9 +118,9 @@ def test_the_thread_of_set_points_prepares_nothing_of_another_motion(run, monkey
     execution = op.Execution(executor, robot, clock=robot.clock)
     execution.update_scene({"ball": op.Sphere("ball", 0.05, position=(2.0, 0.0, 0.5))})
     execution.start()
-    until(lambda: execution.snapshot()["place"] > 0.1)
+    wait_until(lambda: execution.snapshot()["place"] > 0.1)
     execution.pause()
-    until(lambda: execution.snapshot()["phase"] == "paused")
+    wait_until(lambda: execution.snapshot()["phase"] == "paused")
     names.clear()
     assert execution.splice(op.plan(run.problem.with_start(execution.state_in(0.0)), budget=1.0))
     assert {name for name, _ in names} == {"ClearanceLeft", "_PartWatch"}
@@ -153,7 +147,7 @@ def test_subscribers_get_states_and_the_end(run):
     execution.subscribe(bad.append)()  # ended at once
     execution.start()
     execution.wait(20.0)
-    until(lambda: got and got[-1]["kind"] == "end")
+    wait_until(lambda: got and got[-1]["kind"] == "end")
     assert len(bad) == 1
     states = [one for one in got if one["kind"] == "state"]
     assert 3 < len(states) < 100
@@ -173,7 +167,7 @@ def test_events_of_a_task_are_reported():
     execution.start()
     found = execution.wait(30.0)
     assert [(one["kind"], one["object"]) for one in found["events"]] == [("attach", "cube"), ("detach", "cube")]
-    until(lambda: got and got[-1]["kind"] == "end")
+    wait_until(lambda: got and got[-1]["kind"] == "end")
     assert [one["event"] for one in got if one["kind"] == "event"] == found["events"]
     assert found["phase"] == "done"
 
@@ -278,7 +272,7 @@ def test_a_robot_that_stands_elsewhere_is_not_started(run):
     assert execution.over
     assert robot.ticks == []
     assert robot.stopped == ["not started"]
-    until(lambda: got)
+    wait_until(lambda: got)
     assert (got[0]["kind"], got[0]["phase"], got[0]["over"]) == ("end", "stopped", True)
     assert "does not stand where the motion begins" in execution.snapshot()["reason"]
 
@@ -378,7 +372,7 @@ def test_a_subscriber_that_ends_and_raises_keeps_nothing_from_the_others(run, er
     execution.subscribe(got.append)
     execution.start()
     execution.wait(20.0)
-    until(lambda: got and got[-1]["kind"] == "end")
+    wait_until(lambda: got and got[-1]["kind"] == "end")
     assert len(got) > 3
 
 

@@ -24,8 +24,7 @@ POINTS = np.random.default_rng(0).uniform(-0.5, 0.5, (300, 3)).astype(np.float32
 
 
 @pytest.fixture(autouse=True)
-def own_cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+def nothing_kept(own_cache, monkeypatch):
     monkeypatch.setattr(reading, "_kept", type(reading._kept)())
 
 

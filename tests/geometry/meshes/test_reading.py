@@ -26,10 +26,8 @@ from optiplan.geometry.shapes import build_geometry
 
 
 @pytest.fixture(autouse=True)
-def own_cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+def nothing_kept(own_cache, monkeypatch):
     monkeypatch.setattr(reading, "_kept", type(reading._kept)())
-    return tmp_path / "cache/optiplan/meshes"
 
 
 def solid():
@@ -415,7 +413,7 @@ def test_every_mesh_has_its_whole_time(monkeypatch):
 def test_a_known_content_needs_no_process(tmp_path, own_cache, monkeypatch):
     (tmp_path / "a.stl").write_bytes(VALID[".stl"])
     first = read_mesh(open_mesh(tmp_path / "a.stl"))
-    assert len(list(own_cache.iterdir())) == 1
+    assert len(list((own_cache / "meshes").iterdir())) == 1
     monkeypatch.setattr(reading, "_kept", type(reading._kept)())
     monkeypatch.setattr(reading, "_run_worker", None)
     (tmp_path / "b.stl").write_bytes(VALID[".stl"])

@@ -13,6 +13,7 @@ from optiplan.problem.problem import JointGoal, PoseGoal, Via, derived
 from optiplan.runs.pipeline import run
 from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.trajectory import Trajectory
+from tests.checks import named
 from tests.planners import cases
 
 MIDDLE = 0.5 * (cases.READY + cases.LEFT) + 0.2
@@ -33,7 +34,7 @@ def test_every_planner_passes_vias_at_rest_and_is_verified(name):
     problem = through(POSE, JointGoal(MIDDLE))
     result = run(problem, name, {}, Budget(20.0), quiet)
     assert result.verified, result.failure or result.report.failures
-    (check,) = [one for one in result.report.checks if one.name == "via"]
+    check = named(result.report, "via")
     times = np.array(check.witness["times"])
     assert result.trajectory(times)[1] == pytest.approx(MIDDLE, abs=1e-6)
     assert np.abs(result.trajectory(times, 1)).max() < 1e-3

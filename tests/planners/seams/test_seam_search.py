@@ -13,6 +13,7 @@ from optiplan.planners.registry import make_planner
 from optiplan.planners.seams.posture_ladder import rounded_down
 from optiplan.planners.seams.seam_search import FoundSeam, SeamSearch
 from optiplan.problem.problem import derived
+from tests.checks import named
 
 DOWN = [0, 0, -1]
 LINE = [[0.5, -0.1, 0.3], [0.5, 0.0, 0.32], [0.5, 0.1, 0.3]]
@@ -25,7 +26,7 @@ def planned(robot="ur5", points=LINE, speed=0.1, *, before=(), after=(), **keys)
 
 
 def check(run, name):
-    return next(one for one in run.report.checks if one.name == name)
+    return named(run.report, name)
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ import pytest
 import optiplan as op
 from optiplan.planners.task.blends import BlendedLine, Corner, LineSegment
 from optiplan.verify.verify import verify
+from tests.checks import named
 
 BLEND = 0.03
 
@@ -80,7 +81,7 @@ def test_it_is_quicker_than_exact_corners_which_stop_and_say_so(run, exact):
 
 
 def test_the_verdict_is_about_the_radius(run, exact):
-    check = next(check for check in run.report.checks if check.name == "line")
+    check = named(run.report, "line")
     assert check.kind == "continuous"
     for blend in (None, 0.4 * BLEND):
         report = verify(problem(blend), run.trajectory)

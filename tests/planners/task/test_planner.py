@@ -22,6 +22,7 @@ from optiplan.verify.verify import verify
 from optiplan.viewer.moving_objects import moved_by, object_stays
 from optiplan.viewer.runs import ViewedRun
 from optiplan.viewer.scene import build_scene
+from tests.checks import named
 from tests.planned import planned_until
 
 FILE = Path(__file__).parents[2] / "problem" / "one_cube.yaml"
@@ -36,7 +37,7 @@ def run():
 
 
 def check(problem, trajectory, name):
-    return next(check for check in verify(problem, trajectory).checks if check.name == name)
+    return named(verify(problem, trajectory), name)
 
 
 def test_every_step_has_its_part_of_one_motion(run):

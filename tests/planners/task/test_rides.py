@@ -16,6 +16,7 @@ from optiplan.planners.task.stages import WorldState
 from optiplan.planners.task.waiting import waiting
 from optiplan.problem.load import problem_from_dict
 from optiplan.trajectory.joining import standstill
+from tests.checks import named
 from tests.verify.tasks.test_ride_check import data_of, on_belt
 
 READY = {"move": {"configuration": "ready"}}
@@ -165,7 +166,7 @@ def test_the_quickest_alternative_is_taken_and_named():
     told = run.info["either"]
     assert [one["alternatives"] for one in told] == [[1], [2], [3]]
     assert min(told, key=lambda one: one["duration"])["alternatives"] == [2]
-    check = next(one for one in run.report.checks if one.name == "either")
+    check = named(run.report, "either")
     assert check.covers == ("task.either[0]",)
 
 

@@ -11,6 +11,7 @@ from optiplan.problem.constraints.motions import ToolSpeed
 from optiplan.problem.problem import JointGoal, Via, derived
 from optiplan.runs.pipeline import run
 from optiplan.trajectory.trajectory import Trajectory
+from tests.checks import named
 from tests.planners import cases
 
 BUDGET = 60.0
@@ -118,7 +119,7 @@ def test_a_move_of_a_task_does_not_stop_at_its_vias():
     assert found.verified, found.failure or found.report.failures
     segments = [(one.step, one.kind) for one in found.trajectory.segments]
     assert segments == [(1, "move"), (2, "dwell"), (3, "move")]
-    (passage,) = [check for check in found.report.checks if check.name == "via"]
+    passage = named(found.report, "via")
     (at,) = passage.witness["times"]
     assert np.abs(found.trajectory(at, 1)).max() > 0.1
 

@@ -16,6 +16,7 @@ from optiplan.problem.problem import derived
 from optiplan.resources import problems_dir
 from optiplan.robot.frames import frame_pose
 from optiplan.verify.verify import verify
+from tests.checks import named
 from tests.planned import planned_until
 
 SIDES = ("front middle", "back middle", "left high", "right low")
@@ -70,7 +71,7 @@ def test_targets_that_did_not_turn_are_not_met(problem, run):
     """The same motion, judged as if the world carried the targets."""
     step = problem.task[0]
     still = derived(problem, task=(replace(step, action=replace(step.action, carried_by="")),))
-    goal = next(one for one in verify(still, run.trajectory).checks if one.name == "goal")
+    goal = named(verify(still, run.trajectory), "goal")
     assert not goal.passed
 
 

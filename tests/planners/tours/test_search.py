@@ -21,6 +21,7 @@ from optiplan.runs.pipeline import chosen
 from optiplan.runs.pipeline import run as plan_with
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.verify.verify import verify
+from tests.checks import named
 from tests.planned import planned_until
 from tests.planners import cases
 
@@ -59,7 +60,7 @@ def run(problem):
 
 
 def check(problem, motion, name):
-    return next(one for one in verify(problem, motion).checks if one.name == name)
+    return named(verify(problem, motion), name)
 
 
 def test_every_target_is_visited_and_rested_at(problem, run):
@@ -182,7 +183,9 @@ def test_a_tour_whose_share_is_over_has_the_whole_time_for_a_first_one(problem):
     assert len(told) == 1
 
 
-def test_the_end_of_the_time_does_not_hide_what_took_it(problem, monkeypatch):
+def test_the_end_of_the_time_does_not_hide_what_took_it(monkeypatch):
+    targets = [{"name": f"hole {k}", "position": place, "axis": [1, 0, 0]} for k, place in enumerate(PLACES[:2])]
+    problem = op.Problem("ur5", "ready", task=op.Task().tour(targets))
     tour, model = problem.task[0].action, planning_model(problem.robot, problem.scene)
     legs = iter([Failure("collision", "the arm touches 'wall'")])
     late = Failure("budget", "the budget of 60 s ended")

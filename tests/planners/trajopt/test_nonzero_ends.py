@@ -143,8 +143,7 @@ def test_objects_that_stand_for_planners_say_what_they_hold():
     assert op.plan(moving(cases.free()), Own()).verified
 
 
-@pytest.mark.parametrize("speed", [1e-25, 1e-12])
-@pytest.mark.parametrize("blocked", [True, False])
+@pytest.mark.parametrize(("speed", "blocked"), [(1e-25, True), (1e-25, False), (1e-12, False)])
 def test_a_goal_that_moves_by_a_rounding_needs_no_run_up(speed, blocked):
     """A wall in the way: curves lead to nothing, and the way by rest is tried; with a gap that leads there."""
     length, x = (1.6, 1.1) if blocked else (0.4, 0.9)

@@ -22,6 +22,7 @@ from optiplan.problem.problem import JointGoal, Problem, derived
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.verify.verify import verify
+from tests.checks import named
 from tests.planners import cases
 from tests.unchecked_problem import unchecked_problem
 
@@ -64,7 +65,7 @@ def test_torque_limits_bind_and_hold(robot: Robot) -> None:
     problem = make(robot)
     free = plan(problem).trajectory
     assert free is not None
-    peak = next(check for check in verify(problem, free).checks if check.name == "torque").worst
+    peak = named(verify(problem, free), "torque").worst
     assert peak is not None
     limits = replace(problem.limits, torque=np.where(problem.limits.torque > 20, 0.8 * peak, problem.limits.torque))
     weak = derived(problem, limits=limits)

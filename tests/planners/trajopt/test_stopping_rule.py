@@ -9,7 +9,7 @@ import pytest
 
 from optiplan.planners.base import Budget
 from optiplan.planners.sampling.search import Search
-from optiplan.planners.trajopt.stopping_rule import PRICE, SAME, STATE, STEP, Patience, counted
+from optiplan.planners.trajopt.stopping_rule import PRICE, SAME, SHORTCUT, STATE, STEP, Patience, counted
 
 
 def after(costs: list[float | None], seconds: float, budget: float = 10.0, good_enough: float = 1.0) -> Patience:
@@ -84,11 +84,11 @@ def test_a_bound_above_the_best_is_no_reason_to_go_on() -> None:
     assert not after([1.0, 1.0], 0.1).worth_another(1.0, 1.5)
 
 
-def test_work_is_counted_in_steps_and_states_not_by_a_clock() -> None:
+def test_work_is_counted_in_steps_and_shortcuts_not_by_a_clock() -> None:
     patience = Patience(Budget(10.0))
     patience.work(steps=30)
-    patience.work(states=200)
-    assert patience.seconds == pytest.approx(30 * STEP + 200 * STATE)
+    patience.work(shortcuts=20)
+    assert patience.seconds == pytest.approx(30 * STEP + 20 * SHORTCUT)
 
 
 def test_attempts_in_vain_end_the_search_and_a_gain_begins_it_anew() -> None:

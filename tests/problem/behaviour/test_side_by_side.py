@@ -6,6 +6,7 @@ import pytest
 import optiplan as op
 from optiplan.errors import InputError
 from optiplan.problem.load import check_file, load_problem
+from tests.checks import named
 
 HEAD = """version: 1
 name: two
@@ -90,7 +91,7 @@ def test_a_motion_through_the_other_arm_is_not_verified(write):
     turn = "start: {joints: [0, 0, -1.2, 0]}\ngoal: {joints: [0, 0, 1.2, 0]}\n"
     problem = load_problem(write(robots + turn))
     run = op.retime(problem, [[0, 0, -1.2, 0], [0, 0, 1.2, 0]])
-    contact = next(check for check in run.report.checks if check.name == "collision")
+    contact = named(run.report, "collision")
     assert not contact.passed
     assert "a/" in contact.place
     assert "b/" in contact.place

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import optiplan as op
+from tests.checks import named
 from tests.planned import planned_until
 
 GOAL = op.Pose((0.4, 0.4, 0.5), rpy=(np.pi, 0.0, 0.0))
@@ -24,7 +25,7 @@ def test_level_is_held_and_said_to_be_sampled(problem):
     assert before.worst < 0.999 == before.limit
     run = planned_until(problem.with_constraint(level))
     assert run.verified, run.failure
-    (check,) = [check for check in run.report.checks if check.name == "level constraint"]
+    check = named(run.report, "level constraint")
     assert check.kind == "sampled"
     assert "samples" in check.detail
 
@@ -102,7 +103,7 @@ def test_a_motion_that_is_too_fast_for_it_is_slowed_down(problem, planner):
     calm = problem.with_constraint(op.Expression("calm", energy, upper=0.04))
     run = planned_until(calm, planner)
     assert run.verified, run.failure
-    (check,) = [check for check in run.report.checks if check.name == "calm constraint"]
+    check = named(run.report, "calm constraint")
     assert 0.02 < check.worst <= 0.04
 
 

@@ -8,6 +8,7 @@ from optiplan.errors import InputError
 from optiplan.problem.problem import derived
 from optiplan.problem.regions.together import TogetherSampler, joints_of
 from optiplan.robot.frames import frame_pose
+from tests.checks import named
 
 HANDS = ("left_gripper", "right_gripper")
 
@@ -44,7 +45,7 @@ def right_pose(problem, q):
 def test_both_hands_arrive_and_one_alone_is_not_enough(problem):
     run = op.plan(problem, planner="quintic", budget=20.0)
     assert run.verified
-    check = next(check for check in op.verify(problem, run.trajectory).checks if check.name == "goal")
+    check = named(op.verify(problem, run.trajectory), "goal")
     assert "goal" in check.covers
     moved = op.Pose((0.65, 0.14, 0.21), rpy_deg=(90, 0, 0), frame=HANDS[0])
     other = problem.with_goal(op.AllOf([moved, op.Pose(**right_alone())]))

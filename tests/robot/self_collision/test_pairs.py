@@ -23,10 +23,7 @@ FOLDING = chain(*(joint(f"j{i}", a, b, inside=FREE) for i, (a, b) in enumerate([
 """Boxes of 0.1 m on joints 0.5 m apart: the last comes back to the first ones, its neighbours never touch."""
 
 
-@pytest.fixture(autouse=True)
-def own_cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    return tmp_path / "cache/optiplan"
+pytestmark = pytest.mark.usefixtures("own_cache")
 
 
 def checked(robot):
@@ -215,6 +212,7 @@ def test_only_what_the_srdf_names_is_left_out(tmp_path):
         '<group_state name="away"><joint name="j1" value="0.1"/></group_state>'
         '<group_state name="nan"><joint name="j1" value="nan"/><joint name="j2" value="0"/></group_state>'
         '<group_state name="comma"><joint name="j1" value="0"/><joint name="j2" value="1,57"/></group_state>'
+        '<group_state name="a&#x9b;2J"><joint name="j1" value="1"/><joint name="j2" value="0"/></group_state>'
     )
     (path.parent / "r.srdf").write_text(f'<robot name="r"><disable_collisions link1="c" link2="a"/>{states}</robot>')
     robot = load_robot(str(path))
@@ -223,6 +221,7 @@ def test_only_what_the_srdf_names_is_left_out(tmp_path):
     assert {name: q.tolist() for name, q in robot.configurations.items()} == {"home": [0, 0], "away": [1, 0.5]}
     assert "left out: state nan of the SRDF, in which 'nan' of j1 is not finite" in robot.notes
     assert "left out: state comma of the SRDF, in which '1,57' of j2 is no number" in robot.notes
+    assert r"left out: state a\x9b2J of the SRDF, a name with characters that are not printable" in robot.notes
     assert not any("state odd" in note for note in robot.notes)
 
 

@@ -23,7 +23,7 @@ from typer.main import get_command
 
 from optiplan.cli.program import program
 from optiplan.service.health import feed_watchdog
-from tests.service.conftest import NO_WAY, QUICK
+from tests.small_problems import NO_WAY, QUICK
 from tests.waiting import wait_until
 
 DEPLOY = Path(__file__).parents[3] / "deploy"

@@ -6,7 +6,7 @@ import pytest
 
 from tests.service.behaviour.test_shell import listed
 from tests.service.browsing import open_studio, text_of, write
-from tests.service.conftest import QUICK
+from tests.small_problems import QUICK
 
 pytestmark = pytest.mark.timeout(300)
 

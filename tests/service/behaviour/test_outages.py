@@ -24,7 +24,7 @@ from optiplan.service.store.contents import ContentFolder
 from optiplan.service.store.run_table import NewRun, RunEnd, RunTable
 from optiplan.service.store.tables import DatabaseAwayError, open_database
 from optiplan.service.store.write_probe import WriteProbe
-from tests.service.conftest import NO_WAY, QUICK
+from tests.small_problems import NO_WAY, QUICK
 from tests.waiting import PATIENCE, wait_until
 
 needs_postgres = pytest.mark.skipif(postgres_folder() is None, reason="PostgreSQL is not installed")

@@ -31,7 +31,7 @@ def test_curl_submits_and_the_motion_verifies_offline(server, tmp_path):
 
 @pytest.mark.parametrize(("query", "status"), [("budget=1&planner=cubic", 202), ("budget=x", 422), ("nonsense=1", 422)])
 def test_yaml_bodies_say_the_rest_in_the_query(server, query, status):
-    from tests.service.conftest import QUICK
+    from tests.small_problems import QUICK
 
     headers = {"Content-Type": "application/yaml; charset=utf-8"}
     answer = server.http.post(f"/api/runs?{query}", content=QUICK.encode(), headers=headers)

@@ -8,7 +8,7 @@ import pytest
 
 from tests.axe import serious
 from tests.service.browsing import open_studio
-from tests.service.conftest import QUICK
+from tests.small_problems import QUICK
 
 pytestmark = pytest.mark.timeout(300)
 wide = pytest.mark.parametrize("page", [(1280, 800)], indirect=True, ids=["wide"])

@@ -14,7 +14,7 @@ from optiplan.service.settings import ServiceSettings
 from optiplan.service.store.contents import ContentFolder
 from optiplan.service.store.tables import open_database
 from optiplan.service.store.write_probe import WriteProbe
-from tests.service.conftest import NO_WAY, QUICK
+from tests.small_problems import NO_WAY, QUICK
 from tests.waiting import PATIENCE, wait_until
 
 AWAY = sa.exc.OperationalError("INSERT", {}, sqlite3.OperationalError("disk I/O error"))

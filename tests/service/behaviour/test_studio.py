@@ -8,7 +8,7 @@ import pytest
 
 from optiplan.robot.robot import load_robot
 from tests.service.browsing import CHANGED, drag, open_studio, text_of, write
-from tests.service.conftest import NO_WAY, QUICK
+from tests.small_problems import NO_WAY, QUICK
 
 pytestmark = pytest.mark.timeout(300)
 wide = pytest.mark.parametrize("page", [(1280, 800)], indirect=True, ids=["wide"])

@@ -17,8 +17,8 @@ from optiplan.service.guard.gate import Gate
 from optiplan.service.guard.metrics import RequestCounts
 from optiplan.service.guard.rates import client_of
 from optiplan.service.settings import ServiceSettings
-from tests.service.conftest import NO_WAY
 from tests.service.guard.test_gate import echo
+from tests.small_problems import NO_WAY
 from tests.waiting import PATIENCE
 
 HEAD = b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 10\r\n"

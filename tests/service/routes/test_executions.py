@@ -19,7 +19,7 @@ from optiplan.service.execution.solver_pool import SolverJob
 from optiplan.service.refusals import Refusal
 from optiplan.service.sessions import execution_sessions
 from optiplan.service.sessions.execution_sessions import ExecutionSession
-from tests.service.conftest import NO_WAY, QUICK
+from tests.small_problems import NO_WAY, QUICK
 from tests.waiting import PATIENCE, answer_of, wait_until
 
 ROUTE = "/api/executions"

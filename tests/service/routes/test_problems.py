@@ -10,7 +10,7 @@ import optiplan as op
 from optiplan.problem.load import load_problem
 from optiplan.resources import robots_dir
 from optiplan.service.store.contents import FULL
-from tests.service.conftest import QUICK
+from tests.small_problems import QUICK
 
 MESH = """\
 version: 1

@@ -21,7 +21,7 @@ from optiplan.service.execution import run_queue
 from optiplan.service.refusals import Refusal
 from optiplan.service.routes.runs import exported
 from optiplan.trajectory.trajectory import Trajectory
-from tests.service.conftest import NO_WAY, QUICK
+from tests.small_problems import NO_WAY, QUICK
 from tests.waiting import PATIENCE, answer_of
 
 

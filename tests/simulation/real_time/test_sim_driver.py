@@ -10,6 +10,7 @@ import pytest
 import optiplan as op
 from optiplan.errors import InputError, OptiPlanError
 from tests.planned import planned_until
+from tests.waiting import wait_until
 
 PATIENCE = 0.1
 """s, of a machine that is busy with other tests."""
@@ -20,13 +21,6 @@ def run():
     run = planned_until(op.load_problem("01_reach"))
     assert run.verified
     return run
-
-
-def until(condition, seconds=20.0):
-    began = time.monotonic()
-    while not condition() and time.monotonic() < began + seconds:
-        time.sleep(0.002)
-    assert condition()
 
 
 def started(run, **options):
@@ -52,7 +46,7 @@ def test_it_follows_a_motion(run, engine):
 
 def test_a_process_that_is_killed_is_seen_at_once(run):
     driver, execution = started(run, engine="ideal")
-    until(lambda: execution.snapshot()["place"] > 0.1)
+    wait_until(lambda: execution.snapshot()["place"] > 0.1)
     os.kill(driver.pid, signal.SIGKILL)
     began = time.monotonic()
     found = execution.wait(10.0)
@@ -76,7 +70,7 @@ def test_a_process_without_set_points_stops_along_its_path_and_ends(run):
         time.sleep(max(0.0, due - time.monotonic()))
     assert np.abs(tick.v).max() > 0.3
     seen = []
-    until(lambda: seen.append(driver.state()) or np.abs(seen[-1].v).max() < 1e-6)
+    wait_until(lambda: seen.append(driver.state()) or np.abs(seen[-1].v).max() < 1e-6)
     assert np.allclose(seen[-1].q, ahead.q[-1], atol=1e-3)
     path = run.trajectory(np.linspace(0.0, run.duration, 4000))
     for state in seen:
@@ -88,7 +82,7 @@ def test_a_process_without_set_points_stops_along_its_path_and_ends(run):
 
 def test_a_process_that_hangs_ends_in_a_stop(run):
     driver, execution = started(run, engine="ideal")
-    until(lambda: execution.snapshot()["place"] > 0.1)
+    wait_until(lambda: execution.snapshot()["place"] > 0.1)
     os.kill(driver.pid, signal.SIGSTOP)
     found = execution.wait(20.0)
     assert (found["phase"], found["over"]) == ("stopped", True)

@@ -11,11 +11,12 @@ from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
 from optiplan.problem.task.timeline import scene_parts
 from optiplan.verify.verify import verify
+from tests.checks import named
 from tests.planned import planned_until
 
 
 def collision(report):
-    return next(check for check in report.checks if check.name == "collision")
+    return named(report, "collision")
 
 
 def least_left(problem, motion, samples=400):

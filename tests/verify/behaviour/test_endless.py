@@ -15,6 +15,7 @@ from optiplan.robot.robot import load_robot
 from optiplan.robot.urdf.export import export_urdf
 from optiplan.runs.run_folder import load_run
 from optiplan.verify.verify import verify
+from tests.checks import failed
 from tests.robot.robots import chain, joint, write_robot
 from tests.robot.test_mimic_joints import follower
 from tests.unchecked_problem import unchecked_problem
@@ -22,10 +23,6 @@ from tests.verify.motions import quintic
 
 ATTACK = Path(__file__).parents[2] / "attacks" / "endless"
 WIDE = '<limit lower="-1e30" upper="1e30" velocity="3" effort="400"/>'
-
-
-def failed(report):
-    return [check.name for check in report.failures]
 
 
 def test_a_slide_that_ends_a_turn_off_its_goal_is_refused():

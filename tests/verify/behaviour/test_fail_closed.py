@@ -46,6 +46,7 @@ from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.tasks import tool_check
 from optiplan.verify.tasks.task_check import _collision
 from optiplan.verify.verify import verify
+from tests.checks import failed
 from tests.verify.motions import problem_of, quintic, within_limits
 
 
@@ -76,14 +77,6 @@ def swing(planar):
 @pytest.fixture
 def problem(planar, swing):
     return problem_of(planar, swing, Scene())
-
-
-def failed(report):
-    return [check.name for check in report.failures]
-
-
-def named(report, name):
-    return next(check for check in report.checks if check.name == name)
 
 
 def task_of(problem, *steps):

@@ -12,6 +12,7 @@ from optiplan.robot.frames import frame_pose
 from optiplan.trajectory.joining import standstill, with_obstacles
 from optiplan.verify.tasks.carriage import on_carriage, seen_from
 from optiplan.verify.verify import verify
+from tests.checks import named
 
 REACH = op.load_problem("01_reach")
 MOTION = op.plan(REACH, "scurve").trajectory
@@ -25,7 +26,7 @@ def ball(offset, polynomial, until=None, radius=0.05):
 
 def collision(scene, motion=MOTION):
     report = verify(REACH.with_scene(scene), motion)
-    return next(check for check in report.checks if check.name == "collision")
+    return named(report, "collision")
 
 
 def sampled(scene, motion=MOTION, count=1500):

@@ -5,6 +5,7 @@ import pytest
 
 import optiplan as op
 from optiplan.problem.problem import derived
+from tests.checks import named
 
 START = [0.0, -1.5, 1.5, -1.5, -1.5, 0.0]
 
@@ -17,14 +18,10 @@ def lines(speed):
     return op.Problem("ur5", START, task=task)
 
 
-def checked(report, name):
-    return next(check for check in report.checks if check.name == name)
-
-
 def test_a_line_that_is_faster_than_its_speed_is_refused():
     run = op.plan(lines(0.5), budget=5.0)
     assert run.verified
-    assert checked(run.report, "line speed").worst <= 0.5 * 1.001
+    assert named(run.report, "line speed").worst <= 0.5 * 1.001
     slower = op.verify(lines(0.1), run.trajectory)
     assert [check.name for check in slower.failures] == ["line speed"]
     (refused,) = slower.failures
@@ -44,7 +41,7 @@ def test_a_clearance_of_a_step_counts_where_things_are_then(wait, holds):
     run = op.plan(op.Problem("ur5", START, scene=[ball], task=task), budget=5.0)
     begin = run.trajectory.segments[1].begin
     assert begin == pytest.approx(wait or 1e-3)
-    found = checked(run.report, "clearance constraint")
+    found = named(run.report, "clearance constraint")
     assert found.passed is holds
     assert run.verified is holds
     if not holds:

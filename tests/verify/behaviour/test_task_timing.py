@@ -10,6 +10,7 @@ import pytest
 import optiplan as op
 from optiplan.robot.frames import frame_pose
 from optiplan.trajectory.segments import Segment
+from tests.checks import named
 
 START, END = np.array([0.0, -1.5, 1.5, -1.5, -1.5, 0.0]), np.array([0.6, -1.2, 1.2, -1.5, -1.5, 0.3])
 NAMES = tuple(f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"))
@@ -71,7 +72,7 @@ def swung(lasts, wait):
 @pytest.mark.parametrize(("lasts", "wait"), [(9e-4, 1e6 + 2.0), (9e-4, 1e12), (1e-6, 1e6 + 2.0), (1e-9, 3.0)])
 def test_a_step_is_judged_in_its_own_scene_however_short_it_is(lasts, wait):
     report = op.verify(LONG_TASK, swung(lasts, wait))
-    (collision,) = [check for check in report.checks if check.name == "collision"]
+    collision = named(report, "collision")
     assert not collision.passed
     assert "cube" in collision.place
     assert "step 2" in collision.detail
@@ -86,6 +87,6 @@ def test_a_step_that_others_take_is_named():
     hidden = replace(second, begin=first.end + 1e-10, end=first.end + 2e-10)
     moved = (attach, replace(first, end=first.end + 5e-10), late, hidden, replace(dwell, begin=hidden.end))
     report = op.verify(LONG_TASK, replace(motion, segments=moved))
-    (check,) = [check for check in report.checks if check.name == "steps"]
+    check = named(report, "steps")
     assert not check.passed
     assert "which other steps take" in check.detail

@@ -10,6 +10,7 @@ from optiplan.problem.problem import derived
 from optiplan.problem.task.timeline import scene_parts
 from optiplan.trajectory.joining import standstill
 from optiplan.verify.verify import verify
+from tests.checks import named
 
 CASES = [
     ("02_shelf", 0.005),
@@ -41,7 +42,7 @@ def test_nothing_in_the_tube_touches_or_leaves_its_limits(name, error):
             assert (q >= problem.limits.lower - 2e-6).all()
             assert (q <= problem.limits.upper + 2e-6).all()
     model = CollisionModel(problem.robot, problem.scene)  # a clearance is not of pairs proved once for the robot
-    clearance = next(check for check in run.report.checks if check.name == "collision").worst
+    clearance = named(run.report, "collision").worst
     least = min(model.clearance(q).distance for q in off(rng, motion, error, 150)[1])
     assert least > clearance > 0.0
 
@@ -66,7 +67,7 @@ def test_the_report_says_and_counts_it():
 
 def test_a_motion_that_is_too_near_for_the_tube_is_refused_quickly_and_named():
     run = op.plan(op.load_problem("15_srra"))
-    (check,) = [one for one in run.report.checks if one.name == "collision"]
+    check = named(run.report, "collision")
     wide = run.problem.with_parts(tracking_error=0.02)
     report = op.verify(wide, run.trajectory)
     (found,) = [one for one in report.failures if one.name == "collision"]
@@ -80,13 +81,13 @@ def test_what_is_provable_is_nearly_what_is_true():
     """The proof takes hardly more of a distance than some configuration of the tube does."""
     problem = op.load_problem("15_srra")
     run = op.plan(problem, tracking_error=0.01, budget=2.0)
-    (check,) = [one for one in run.report.checks if one.name == "collision"]
+    check = named(run.report, "collision")
     still = standstill(problem.robot.joint_names, np.array(check.witness["q"]), 1.0)
     model = CollisionModel(problem.robot, problem.scene)
     rng, error = np.random.default_rng(0), 0.01
     for scale in (0.3, 1.0):
         own = derived(problem, tracking_error=np.full(problem.robot.n, scale * error))
-        (check,) = [one for one in verify(own, still).checks if one.name == "collision"]
+        check = named(verify(own, still), "collision")
         q = off(rng, still, scale * error, 400)[1]
         least, middle = min(model.clearance(one).distance for one in q), model.clearance(still.start).distance
         assert check.worst <= least
@@ -101,7 +102,7 @@ def test_limits_shrink_by_the_error_joint_by_joint():
     still = standstill(problem.robot.joint_names, q, 1.0)
     for error, passed in ((0.0099, True), (0.0102, False)):
         own = derived(problem, tracking_error=np.array([0.0, 0.0, 0.0, error, 0.0, 0.0, 0.0]))
-        (check,) = [one for one in verify(own, still).checks if one.name == "position"]
+        check = named(verify(own, still), "position")
         assert check.passed is passed
         assert check.place == "panda_joint4"
 

@@ -15,6 +15,7 @@ from optiplan.verify.continuous.polynomial_bounds import prove_bounds
 from optiplan.verify.limit_checks import rate
 from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.verify import verify
+from tests.checks import named
 from tests.verify.motions import problem_of, quintic
 
 ATTACK = Path(__file__).parents[2] / "attacks" / "limits" / "trajectory.json"
@@ -85,7 +86,7 @@ def test_a_piece_of_degree_25_that_hides_its_jerk(planar):
     assert exact > 1.19 * Fraction(limit)
     report = verify(problem_of(planar, motion, Scene()), motion)
     assert not report.verified
-    jerk = next(check for check in report.checks if check.name == "jerk")
+    jerk = named(report, "jerk")
     assert not jerk.passed
     if jerk.worst <= limit:
         assert "piece 1, of degree 25 and 2.06e-07 s" in jerk.detail

@@ -8,6 +8,7 @@ import pytest
 
 import optiplan as op
 from optiplan.problem.problem import derived
+from tests.checks import named
 
 HOME = [0.0, -1.5, 1.5, -1.5, -1.5, 0.0]
 BUDGET = 60.0
@@ -22,7 +23,7 @@ def glued(speed, length):
 
 
 def line_speed(run):
-    (check,) = [check for check in run.report.checks if check.name == "line speed"]
+    check = named(run.report, "line speed")
     (line,) = check.witness["lines"]
     return check, line
 

@@ -15,6 +15,7 @@ from optiplan.runs.run_folder import load_run, save_run
 from optiplan.runs.stored_runs import judged
 from optiplan.trajectory.joining import join_trajectories, standstill
 from optiplan.verify.verify import verify
+from tests.checks import named
 from tests.planned import planned_until
 
 SPEED, TURN = 0.3, 0.5
@@ -66,7 +67,7 @@ def test_every_step_with_the_belt_is_proved_relative_to_it(run):
     covered = {one for check in run.report.checks for one in check.covers}
     assert {f"task[{k}].ride" for k in range(6)} <= covered
     assert "task[6].ride" not in covered  # the move home is in the world
-    ride = next(check for check in run.report.checks if check.name == "ride")
+    ride = named(run.report, "ride")
     assert ride.kind == "continuous"
     held = [one for step, one in enumerate(run.problem.task) if one.ride is not None]
     assert {one.ride.mover.name for one in held} == {"belt"}
@@ -112,7 +113,7 @@ def test_a_hand_10_mm_per_s_slower_than_what_it_takes_is_refused(run):
     t, faster = taken(run), SPEED + 0.01
     data = on_belt(speed=faster, y=-0.6 - 0.01 * t)
     report = verify(problem_from_dict(data), run.trajectory)
-    ride = next(check for check in report.checks if check.name == "ride")
+    ride = named(report, "ride")
     assert not ride.passed
     assert ride.worst == pytest.approx(0.01, rel=0.5)
     assert not report.verified

@@ -11,6 +11,7 @@ from optiplan.errors import InputError
 from optiplan.problem.problem import derived
 from optiplan.simulation.real_time.sim_driver import SimDriver
 from optiplan.viewer.moving_objects import moved_by, object_stays
+from tests.checks import named
 
 
 @pytest.fixture(scope="module")
@@ -41,10 +42,6 @@ def with_first(problem, tool):
         for step in problem.task
     ]
     return derived(problem, tools=(tool, problem.tools[1]), task=tuple(steps))
-
-
-def named(report, name):
-    return next(check for check in report.checks if check.name == name)
 
 
 def test_a_task_with_two_tools_is_proved(problem, run):

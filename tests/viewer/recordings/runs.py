@@ -8,7 +8,7 @@ from optiplan.config.document import parse_yaml
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
 from optiplan.viewer.runs import ViewedRun
-from tests.service.conftest import QUICK
+from tests.small_problems import QUICK
 
 
 def viewed(run: op.Run) -> ViewedRun:

@@ -88,11 +88,8 @@ def read_joints(stage: UsdStage, places: Mapping[str, pin.SE3]) -> list[UsdJoint
     Raises:
         InputError: a joint without a body, or with limits or axes that are none.
     """
-    found = []
-    for prim in stage.prims():
-        if str(prim.GetTypeName()) in TYPES and bool(stage.value(prim, "physics:jointEnabled", True)):
-            found.append(_joint(stage, prim, places))
-    return found
+    of_joints = (prim for prim in stage.prims() if str(prim.GetTypeName()) in TYPES)
+    return [_joint(stage, one, places) for one in of_joints if bool(stage.value(one, "physics:jointEnabled", True))]
 
 
 def _joint(stage: UsdStage, prim: Any, places: Mapping[str, pin.SE3]) -> UsdJoint:

@@ -136,9 +136,8 @@ def timed(
     model, limits, names = found.steps.check.model, problem.limits, problem.robot.joint_names
     steps = ConstrainedSteps(found.steps.manifold, found.steps.check, budget)
     timing = TimingOptions(stop=lambda: budget.over)
-    motions: list[Trajectory | None] = []
-    for curve in smooth_curves(steps, found.waypoints, names):
-        motions.append(time_path(curve, model.robot, limits, timing))
+    curves = smooth_curves(steps, found.waypoints, names)
+    motions: list[Trajectory | None] = [time_path(curve, model.robot, limits, timing) for curve in curves]
     held = _held(motions, constraints)
     if not held:
         motions = [timed_path(model, found.waypoints, limits, budget)]

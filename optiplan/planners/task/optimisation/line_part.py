@@ -184,9 +184,7 @@ class LawCurve:
         """Number of variables."""
         return self.part.count
 
-    def rows(
-        self, sample: Index, value: Array, by_state: tuple[Array, Array, Array], exceeded: Mask | None = None
-    ) -> SoftRows:
+    def rows(self, sample: Index, value: Array, by_state: tuple[Array, Array, Array]) -> SoftRows:
         """Return rows (R,) from their derivatives by q, v and a, (R, n) each; see `Curve.rows`."""
         p, (_, v, a) = ([one[sample] for one in some] for some in self._on_path)
         B = [rows[sample] / self.duration**order for order, rows in enumerate(self.samples.at)]
@@ -197,4 +195,4 @@ class LawCurve:
         by_duration = np.zeros(len(value))
         for order in (1, 2):
             by_duration -= order * np.einsum("rj,rj->r", by_state[order], self.motion[order][sample]) / self.duration
-        return SoftRows(sample, value, by_law[:, self.part.free], by_duration, exceeded)
+        return SoftRows(sample, value, by_law[:, self.part.free], by_duration)

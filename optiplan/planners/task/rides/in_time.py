@@ -32,11 +32,6 @@ PlanTask = Callable[[Planner[Any], Problem, Budget, Progress], PlanResult]
 """Plans the steps between rides; see `task.planner.plan_task`."""
 
 
-def in_time(problem: Problem) -> bool:
-    """Whether steps of a task go with what moves, or wait for it."""
-    return any(step.ride is not None or isinstance(step.action, WaitUntil) for step in problem.task)
-
-
 def sections_in_time(task: Sequence[TaskStep]) -> list[list[TaskStep]]:
     """Divide a task into rides, waits, and the steps between them."""
     found: list[list[TaskStep]] = []

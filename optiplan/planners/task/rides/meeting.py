@@ -212,7 +212,7 @@ class _Reach:
     """The configurations in which the ends are reached at a time."""
 
     def __init__(self, problem: Problem, stage: Stage, ride: Ride, move: Move) -> None:
-        self.ride, self._stage, self._problem = ride, stage, problem
+        self.ride, self._stage = ride, stage
         self._poses = [X for end in move.goal for X in _poses_of(end)]
         self._rng = np.random.default_rng(problem.seed)
         self._last: list[Array] = []

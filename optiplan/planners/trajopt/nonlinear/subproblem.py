@@ -42,7 +42,9 @@ class NlpSubproblem:
         travel = np.tile(reach, made.basis.variables)
         rows = [within_reach(part.rows, travel, duration) for part in soft]
         if self._kept is None or self._kept.nlp.instants is not made.samples or not self._kept.nlp.fits(rows):
-            self._kept = _Kept(CurveProgram(made, rows, machine_code=self._machine_code), self.solver, self._stopped)
+            self._kept = _Kept(
+                CurveProgram(made, rows, machine_code=self._machine_code), self.solver, lambda: self.stop()
+            )
         nlp = self._kept.nlp
         first, parameters = nlp.point(curve, [part.rows for part in soft]), nlp.values(curve, rows, span)
         x, merit = self._kept.solved(first, parameters, nlp.bounds(curve, reach))
@@ -50,9 +52,6 @@ class NlpSubproblem:
             return None
         now = made.cost(curve) + sum(part.cost() for part in soft)
         return Step(*nlp.moved(x, control), now - merit)
-
-    def _stopped(self) -> bool:
-        return self.stop()
 
 
 class NlpDescent(Sqp):

@@ -24,13 +24,14 @@ _ITERATIONS = 50
 class FreeEnd:
     """The set of ends of one goal of poses.
 
-    Attributes:
+    Args:
         goal: the pose with its tolerances, the region, or several of these at once.
+
+    Attributes:
         terms: keep the end in it.
     """
 
     def __init__(self, problem: Problem, goal: PoseGoal | RegionGoal | AllOfGoal) -> None:
-        self.goal = goal
         parts = parts_of(goal)
         rows = [one for part in parts for one in goal_inequalities(part)]
         self.terms = tuple(ExpressionTerm(CompiledInequality(problem.robot, one)) for one in rows)

@@ -88,9 +88,7 @@ class Curve:
         """Number of variables, M n."""
         return int(self.samples.moving[0].shape[1] * self.control.shape[1])
 
-    def rows(
-        self, sample: Index, value: Array, by_state: tuple[Array, Array, Array], exceeded: Mask | None = None
-    ) -> "SoftRows":
+    def rows(self, sample: Index, value: Array, by_state: tuple[Array, Array, Array]) -> "SoftRows":
         """Return rows (R,) from their derivatives by q, v and a, (R, n) each.
 
         v = q' / T and a = q'' / T², so that d/dT = -(v d/dv + 2 a d/da) / T.
@@ -101,7 +99,7 @@ class Curve:
                 continue
             by_control += self.samples.spread(gradient / self.duration**order, sample, order)
             by_duration -= order * np.einsum("rj,rj->r", gradient, self.motion[order][sample]) / self.duration
-        return SoftRows(sample, value, by_control, by_duration, exceeded)
+        return SoftRows(sample, value, by_control, by_duration)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,9 +121,9 @@ class SoftRows:
     exceeded: Mask | None = None
 
     @classmethod
-    def none(cls, free: int, exceeded: Mask | None = None) -> "SoftRows":
+    def none(cls, free: int) -> "SoftRows":
         """Return no rows, for `free` = M n variables."""
-        return cls(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((0, free)), np.zeros(0), exceeded)
+        return cls(np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros((0, free)), np.zeros(0))
 
     def beside(self, other: "SoftRows") -> "SoftRows":
         """Return these rows and other ones, sample by sample; `exceeded` is that of these."""

@@ -8,6 +8,7 @@ import pytest
 
 from optiplan.problem.load import load_problem
 from optiplan.verify.verify import verify
+from tests.checks import named
 from tests.verify.motions import quintic
 
 ATTACKS = Path(__file__).parents[3] / "attacks"
@@ -19,7 +20,7 @@ def test_a_link_that_follows_the_planned_joint_is_where_it_is(optiplan, tmp_path
     report = verify(problem, motion)
     assert not report.verified
     assert [check.name for check in report.checks if not check.passed] == ["collision"]
-    (collision,) = (check for check in report.checks if check.name == "collision")
+    collision = named(report, "collision")
     assert collision.place == "l2 – ball"
     code, out, err = optiplan("plan", ATTACKS / "mimic/problem.yaml", "--planner", "quintic", "--out", tmp_path / "run")
     assert code == 3
