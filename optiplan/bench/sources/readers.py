@@ -31,7 +31,7 @@ def problem_files(place: Place) -> Iterator[Found]:
     try:
         files = sorted(path for path in start.glob(str(pattern.relative_to(pattern.anchor))) if path.is_file())
     except ValueError as error:
-        raise place.refuse("glob", str(error), "a pattern of problem files") from error
+        raise place.refuse("glob", f"'{pattern}': {error}", "a pattern of problem files") from error
     if not files:
         raise place.refuse("glob", f"no file matches {place.folder / pattern}", "a pattern of problem files")
     issues: list[Issue] = []
