@@ -119,7 +119,8 @@ def words_for(model_class: type[BaseModel], error: ErrorDetails) -> tuple[str, s
         return "nothing", expected_by(error)
     if kind in OWN:
         return _own_words(error)
-    return describe(error["input"]), expected_by(error)
+    keys = f": {', '.join(_keys_at(model_class, loc))}" if kind.startswith("model_") else ""
+    return describe(error["input"]), expected_by(error) + keys
 
 
 def expected_by(error: ErrorDetails) -> str:
