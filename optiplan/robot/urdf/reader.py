@@ -25,7 +25,7 @@ from optiplan.robot.urdf.elements import parsed_xml, xml_text
 from optiplan.robot.urdf.mesh_geometries import UrdfBodies, read_bodies
 from optiplan.robot.urdf.ros_packages import RosPackages
 from optiplan.robot.urdf.unused_elements import leave_out
-from optiplan.robot.urdf.validation import MOVING, faults, odd_inertias
+from optiplan.robot.urdf.validation import MOVING, faults, odd_inertias, odd_turns
 
 log = logging.getLogger(__name__)
 
@@ -122,7 +122,7 @@ def read_urdf(path: Path, folder: Path, text: str | None = None) -> UrdfSource:
     issues = [element_error(path, *fault).issues[0] for fault in faults(root, joints)]
     if issues:
         raise InputError(issues)
-    notes += odd_inertias(root)
+    notes += (*odd_inertias(root), *odd_turns(joints))
     notes += leave_out(root, joints)
     for link in root.findall("link"):
         _settle_visuals(link, finder, notes)
