@@ -11,12 +11,22 @@ from dataclasses import replace
 from difflib import get_close_matches
 from numbers import Integral
 from pathlib import Path
+from typing import NoReturn
 
 from optiplan.records import dataclass
 
 
 class OptiPlanError(Exception):
     """Root of every error that OptiPlan raises on purpose; the command line turns it into exit code 2."""
+
+
+class OfOneProcess:
+    """Base of what holds threads, sockets or native objects: it is refused in plain words where it is pickled."""
+
+    def __reduce__(self) -> NoReturn:
+        """Raise a TypeError, as other objects do that cannot be pickled or copied."""
+        name = f"op.{type(self).__name__}"
+        raise TypeError(f"{name} belongs to its process, and can be neither pickled nor copied: make another one there")
 
 
 def plain_reason(error: BaseException) -> str:
