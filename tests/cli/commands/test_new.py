@@ -14,11 +14,12 @@ from optiplan.problem.schema.meanings import MEANINGS
 from optiplan.problem.schema.problem import problem_schema
 
 
-@pytest.mark.parametrize("robot", ["panda", "srra"])
-def test_a_first_problem_is_planned(tmp_path, robot):
+@pytest.mark.parametrize(("robot", "goal"), [("panda", "pose"), ("srra", "pose"), ("planar2r", "joints: [1, 1.5]")])
+def test_a_first_problem_is_planned(tmp_path, robot, goal):
     file = tmp_path / "first.yaml"
     assert optiplan(["new", str(file), "--robot", robot, "--yes"]) == 0
     first = file.read_text().splitlines()[0]
+    assert f"goal:\n  {goal}" in file.read_text()
     assert first == "# yaml-language-server: $schema=problem.schema.json"
     assert (tmp_path / "problem.schema.json").exists()
     assert optiplan(["plan", str(file), "--out", str(tmp_path / "run")]) == 0
