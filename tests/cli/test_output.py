@@ -100,7 +100,7 @@ def test_a_motion_that_ends_where_it_began_has_no_bound(optiplan, tmp_path):
 @pytest.mark.parametrize(("passed", "worst"), [(False, "1.00005"), (True, "1")])
 def test_a_failed_check_shows_that_it_is_beyond_the_limit(capsys, passed, worst):
     check = Check("velocity", "exact", passed, 1.0000476, 1.000001, "rad/s")
-    show_report(Console(), Report(VerifyPolicy(), (check,)), full=True)
+    show_report(Console(), Report(VerifyPolicy(), (check,), {}), full=True)
     (row,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("velocity")]
     assert row.split()[2:4] == [worst, "1"]
 
