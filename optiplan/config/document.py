@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -51,6 +51,9 @@ class Strict(BaseModel):
 
     Defaults of such a class are made by `model_construct()`, which builds no validator.
     """
+
+    written_out: ClassVar[tuple[str, ...]] = ()
+    """Keys that a file may have besides, in whose place others stand by the time that it is read as this class."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)  # built by the first value
 

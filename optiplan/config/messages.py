@@ -147,7 +147,12 @@ def _keys_at(model_class: type[BaseModel], loc: Iterable[str | int]) -> list[str
         named = [model for model in models if model.__name__ == key]
         inner = [found for model in models for found in _models_in(_annotation(model, key))]
         models = named or inner or models
-    return [field.alias or name for model in models for name, field in model.model_fields.items()]
+    return [key for model in models for key in _keys_of(model)]
+
+
+def _keys_of(model: type[BaseModel]) -> list[str]:
+    fields = [field.alias or name for name, field in model.model_fields.items()]
+    return [*fields, *getattr(model, "written_out", ())]
 
 
 def _annotation(model: type[BaseModel], key: str | int) -> Any:
