@@ -70,6 +70,12 @@ def test_a_missing_collision_mesh_names_the_link_and_what_was_tried(tmp_path):
     assert str(tmp_path / "meshes/none.stl") in issue.found
 
 
+def test_a_mesh_whose_name_differs_in_capitals_is_proposed(cube):
+    path = write_robot(cube.parent.parent / "robot", meshed("collision", "package://pack/Meshes/Cube.STL"))
+    with pytest.raises(InputError, match=f"expected a mesh file, such as {cube.resolve()}, whose capitals differ"):
+        load_robot(str(path))
+
+
 def test_a_missing_visual_mesh_is_only_noted(tmp_path):
     robot = load_robot(str(write_robot(tmp_path, meshed("visual", "package://pack/none.dae"))))
     assert robot.visual.ngeoms == 0
