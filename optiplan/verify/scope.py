@@ -8,7 +8,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.config.messages import some
-from optiplan.geometry.shapes import Mesh
+from optiplan.geometry.file_shapes import Mesh
 from optiplan.problem.constraints.balance import TipOver
 from optiplan.problem.problem import Problem
 from optiplan.robot.loaded_robots import once_for_each

@@ -185,6 +185,7 @@ MOTION_CASES = {
     "time outside": (lambda run: run.trajectory(99.0), "Trajectory: t", "clamp=True"),
     "times in rows": (lambda run: run.trajectory(np.zeros((2, 2))), "Trajectory: t", r"\(k,\)"),
     "picture nowhere": (lambda run: op.plot(run, out="/proc/no/a.png"), "op.plot: out", "a file that can be written"),
+    "picture as a folder": (lambda run: op.plot(run, out="figures"), "op.plot: figures: out: no ending", r"\.csv$"),
     "share": (lambda run: op.plot(run, share=np.zeros(2)), "op.plot: share", "True or False"),
     "warm start of a client": (
         lambda run: op.Client("http://127.0.0.1:9").plan(run.problem, warm_start=run),
