@@ -303,7 +303,7 @@ def _look(path: Path, where: Path) -> os.stat_result:
     """
     folders = allowed_folders()
     if folders is not None and not _inside(where, folders):  # said before anything is told about the file
-        raise OSError(0, "outside the folders that may be read", str(path))
+        raise OSError(0, "outside the folders that may be read (`optiplan serve --folder DIR`)", str(path))
     found = where.stat()
     if stat.S_ISDIR(found.st_mode):
         raise IsADirectoryError(0, "a folder", str(path))
