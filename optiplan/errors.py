@@ -42,7 +42,8 @@ def plain_reason(error: BaseException) -> str:
 
 def os_reason(error: OSError) -> str:
     """Return why the system refused something, in its words for a sentence."""
-    return (error.strerror or str(error)).lower()
+    text = error.strerror or str(error)
+    return text[:1].lower() + text[1:]
 
 
 def named_reason(error: BaseException) -> str:
