@@ -27,7 +27,8 @@ def describe(path: Path, arguments: Mapping[str, str] | None = None) -> Descript
         InputError: none of these, or one that cannot be used.
         OptiPlanError: a package that is needed for it is not installed; the message says which.
     """
-    if path.suffix == ".xacro" or b"<xacro:" in _markup(path):
+    usd = path.suffix in USD_ENDINGS
+    if path.suffix == ".xacro" or (not usd and b"<xacro:" in _markup(path)):
         return _expanded(path, arguments or {})
     if arguments:
         found = f"arguments ({', '.join(arguments)})"
@@ -36,7 +37,7 @@ def describe(path: Path, arguments: Mapping[str, str] | None = None) -> Descript
         from optiplan.importers.robots.moveit_config import describe_moveit
 
         return describe_moveit(path)
-    if path.suffix in USD_ENDINGS:
+    if usd:
         from optiplan.importers.robots.usd.to_urdf import describe_usd
 
         return describe_usd(path)
