@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 import pinocchio as pin
@@ -107,9 +108,13 @@ def _moving(problem: Problem) -> list[str]:
 
 def _large(problem: Problem) -> list[str]:
     """Name the obstacles that a mesh in millimetres makes a thousand times too large: nothing then touches them."""
-    boxes = [(one.name, one.shape.body().aabb_local) for one in problem.scene.obstacles if isinstance(one.shape, Mesh)]
-    sizes = [(name, max(box.width(), box.height(), box.depth())) for name, box in boxes]
-    large = [f"{name} ({size:.3g} m)" for name, size in sizes if size > HALL]
+    large = []
+    for one in problem.scene.obstacles:
+        if isinstance(one.shape, Mesh):
+            with suppress(ValueError):  # the file is gone by now: what was checked is kept elsewhere
+                box = one.shape.body().aabb_local
+                size = max(box.width(), box.height(), box.depth())
+                large += [f"{one.name} ({size:.3g} m)"] if size > HALL else []
     said = f"meshes that look like millimetres: those of {some(large, 3)}; `scale: 0.001` turns them into metres"
     return [said] if large else []
 
