@@ -86,6 +86,7 @@ def test_poses_can_be_said_in_four_ways():
     ]
     for pose in ways:
         assert np.allclose(pose.matrix, X.homogeneous, atol=1e-12)
+    for pose in (*ways, X):
         assert np.allclose(op.Problem("panda", "ready", pose).goal[0].X_WG.homogeneous, X.homogeneous, atol=1e-12)
 
 
