@@ -153,7 +153,8 @@ class Cell:
 
     def _can_stop(self, executor: op.Executor, name: str) -> bool:
         """Whether the robot would stay away from a ball if it stopped now."""
-        twin = copy.copy(executor)
+        twin = object.__new__(op.Executor)
+        vars(twin).update(vars(executor))
         twin._predicted = copy.copy(executor._predicted)
         twin.stop()
         nearest, q = np.inf, twin.tick(0.0).q

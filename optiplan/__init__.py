@@ -273,7 +273,12 @@ _ROOMS_CALLED = ("bench", "planners", "verify", "workspace")
 
 
 class _CalledRoom(ModuleType):
-    """A room that does, when it is called, what the function of its name does."""
+    # A room that does, when it is called, what the function of its name does, and has its help.
+
+    @property
+    def __doc__(self) -> str | None:  # type: ignore[override]
+        """That of the function."""
+        return inspect.getdoc(self._function)
 
     @property
     def _function(self) -> Any:

@@ -11,12 +11,22 @@ from dataclasses import replace
 from difflib import get_close_matches
 from numbers import Integral
 from pathlib import Path
+from typing import NoReturn
 
 from optiplan.records import dataclass
 
 
 class OptiPlanError(Exception):
     """Root of every error that OptiPlan raises on purpose; the command line turns it into exit code 2."""
+
+
+class OfOneProcess:
+    """Base of what holds threads, sockets or native objects: it is refused in plain words where it is pickled."""
+
+    def __reduce__(self) -> NoReturn:
+        """Raise a TypeError, as other objects do that cannot be pickled or copied."""
+        name = f"op.{type(self).__name__}"
+        raise TypeError(f"{name} belongs to its process, and can be neither pickled nor copied: make another one there")
 
 
 def plain_reason(error: BaseException) -> str:
@@ -32,7 +42,8 @@ def plain_reason(error: BaseException) -> str:
 
 def os_reason(error: OSError) -> str:
     """Return why the system refused something, in its words for a sentence."""
-    return (error.strerror or str(error)).lower()
+    text = error.strerror or str(error)
+    return text[:1].lower() + text[1:]
 
 
 def named_reason(error: BaseException) -> str:

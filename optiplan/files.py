@@ -254,8 +254,8 @@ def write_together(folder: Path, files: Mapping[str, bytes], last: str, older: I
 def user_folder(variable: str, default: str) -> Path:
     """The folder that an environment variable names, by default one in the user's home.
 
-    A relative path is passed over, as the XDG Base Directory Specification has it: it would mean another folder
-    wherever the program is called.
+    A relative path is passed over, as the XDG Base Directory Specification has it, and so is that of the home: it
+    would mean another folder wherever the program is called.
 
     Raises:
         FileNotFoundError: there is no home: a user of whom the system knows a number only, as in many a container.
@@ -263,10 +263,10 @@ def user_folder(variable: str, default: str) -> Path:
     named = Path(os.environ.get(variable, ""))
     if named.is_absolute():
         return named
-    try:
-        return Path.home() / default
-    except RuntimeError:
-        raise FileNotFoundError(errno.ENOENT, "this user has no home folder") from None
+    with suppress(RuntimeError):
+        if (home := Path.home()).is_absolute():
+            return home / default
+    raise FileNotFoundError(errno.ENOENT, "this user has no home folder")
 
 
 def lock(path: Path) -> int:
@@ -303,7 +303,7 @@ def _look(path: Path, where: Path) -> os.stat_result:
     """
     folders = allowed_folders()
     if folders is not None and not _inside(where, folders):  # said before anything is told about the file
-        raise OSError(0, "outside the folders that may be read", str(path))
+        raise OSError(0, "outside the folders that may be read (`optiplan serve --folder DIR`)", str(path))
     found = where.stat()
     if stat.S_ISDIR(found.st_mode):
         raise IsADirectoryError(0, "a folder", str(path))

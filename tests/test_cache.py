@@ -171,14 +171,17 @@ def homeless(monkeypatch, **environment):
         monkeypatch.setenv(name, value)
 
 
-def test_a_user_without_a_home_has_no_cache_and_plans_all_the_same(monkeypatch):
-    homeless(monkeypatch)
+@pytest.mark.parametrize("home", [{}, {"HOME": "here"}])
+def test_a_user_without_a_home_has_no_cache_and_plans_all_the_same(monkeypatch, tmp_path, home):
+    monkeypatch.chdir(tmp_path)
+    homeless(monkeypatch, **home)
     assert cache.load("a") is None
     assert cache.kept("a", lambda: b"made") == b"made"
     x = casadi.SX.sym("x")
     assert float(as_machine_code(casadi.Function("square", [x], [x * x]))(3.0)) == 9.0
     with pytest.raises(InputError, match=r"data: this user has no home folder; expected --data DIR"):
         default_data()
+    assert not (tmp_path / "here").exists()
 
 
 def test_a_relative_folder_is_passed_over(monkeypatch, tmp_path):

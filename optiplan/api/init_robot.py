@@ -33,7 +33,7 @@ from optiplan.robot.robot import Robot, load_robot
 from optiplan.robot.urdf.srdf import link_pair
 from optiplan.verify.continuous.kept_clearance import prove_kept_clearances as prove
 
-_WORDS = {"--force": "replace_files=True", "--out DIR": "`out`"}
+_WORDS = {"--force": "replace_files=True", "--out DIR": "`out`", "--arg NAME=VALUE": "`arguments`"}
 """Options of the command line, and the arguments in their place."""
 
 TOUCHING = "touching"
@@ -49,6 +49,7 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
     locked: Mapping[str, float] | None = None,
     limits: Mapping[str, float] | None = None,
     allow_pairs: str | Sequence[tuple[str, str]] = (),
+    arguments: Mapping[str, str] | None = None,
     replace_files: bool = False,
     progress: Progress | None = None,
 ) -> Robot:
@@ -70,6 +71,7 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
         limits: of all joints, such as `{"acceleration": 5.0}`, rad/s² (m/s² of sliding joints).
         allow_pairs: pairs of links not to check, or `"touching"`: those that touch in more than a fifth of all
             configurations, since they overlap as they are built.
+        arguments: of a xacro file, by name, such as `{"ur_type": "ur5e"}`; others have the defaults of the file.
         replace_files: whether files that are there are replaced.
         progress: called with the name of a stage and the fraction done.
 
@@ -93,9 +95,10 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
     flag_argument("init_robot", "replace_files", replace_files)
     progress_argument("init_robot", progress)
     told = progress or silent
-    for argument, given in (("locked", locked), ("limits", limits)):
+    for argument, given in (("locked", locked), ("limits", limits), ("arguments", arguments)):
         if given is not None and not isinstance(given, Mapping):
             raise wrong_argument("init_robot", argument, described(given), "values by name, such as {'name': 0.1}")
+    texts = {str(key): str(value) for key, value in (arguments or {}).items()}
     if not (allow_pairs == TOUCHING if isinstance(allow_pairs, str) else _are_pairs(allow_pairs)):
         expected = f"'{TOUCHING}', or pairs of links such as [('link_4', 'link_6')]"
         raise wrong_argument("init_robot", "allow_pairs", described(allow_pairs), expected)
@@ -111,8 +114,8 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
     pairs = () if isinstance(allow_pairs, str) else tuple(link_pair(*pair) for pair in allow_pairs)
     choices = Choices(tuple(group), tool_frame, tuple((locked or {}).items()), checked, pairs)
     told("reading the robot", 0.0)
-    read = describe(path)
     with words_of_call("op.init_robot", _WORDS):
+        read = describe(path, texts)
         refuse_files(folder, replace_files, read)
     with laid_out(read, name) as source:
         robot, choices = prepare(source, choices, allow_pairs == TOUCHING, told)

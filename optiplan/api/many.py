@@ -100,6 +100,10 @@ class _Runs(Iterator[Run]):
         self._runs = runs
         self._end: Callable[[], None] | None = end
 
+    def __repr__(self) -> str:
+        """What is to be done with them."""
+        return "Runs, each once and in order: for run in op.plan_many(…)"
+
     def __next__(self) -> Run:
         try:
             return next(self._runs)

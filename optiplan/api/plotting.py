@@ -12,6 +12,7 @@ from optiplan.errors import (
     flag_argument,
     path_argument,
     whole_argument,
+    words_of_call,
     writing,
     wrong_argument,
 )
@@ -71,7 +72,8 @@ def plot(
     """
     path = None if out is None else path_argument("plot", "out", out, "the path of a file")
     if path is not None:
-        figure_format(path)
+        with words_of_call("op.plot", {", or a folder": ""}):
+            figure_format(path)
     choice_argument("plot", "style", style, STYLES)
     known = figures_of(style)
     if figure is not None:

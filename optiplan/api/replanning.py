@@ -84,4 +84,4 @@ class Replanner:
 
     def __repr__(self) -> str:
         """The problem, and the last verified run."""
-        return f"Replanner: {self.problem!r}; {self.run!r}"
+        return f"Replanner: {self.problem!r}; {self.run or 'no run yet'}"

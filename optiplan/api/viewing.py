@@ -7,7 +7,7 @@ from pathlib import Path
 from types import TracebackType
 
 from optiplan.api.loading import load_run
-from optiplan.errors import described, flag_argument, whole_argument, wrong_argument
+from optiplan.errors import OfOneProcess, described, flag_argument, whole_argument, wrong_argument
 from optiplan.runs.run import Run
 from optiplan.viewer.drawing.page_server import DrawnPageServer
 from optiplan.viewer.page import render_page
@@ -16,7 +16,7 @@ from optiplan.viewer.scene import build_scene
 from optiplan.viewer.server import FIRST_PORT, PageServer
 
 
-class View:
+class View(OfOneProcess):
     """A page that is served in the background, at `url`, until `close`; a context manager does that at its end.
 
     `meshcat.Visualizer(meshcat_url)` draws into it; None where none was asked for.

@@ -1,6 +1,6 @@
 """A first problem of a robot: a start, a goal that it reaches, and the text of the file."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -15,6 +15,12 @@ from optiplan.robot.robot import Robot
 
 SHIFTS = ((0.0, 0.25, -0.1), (0.0, -0.25, -0.1), (0.1, 0.2, 0.0), (-0.15, 0.1, 0.0), (0.0, 0.1, 0.05), (0.0, 0.0, 0.05))
 """From the tool at the start to proposed goals, m, the largest first."""
+
+ROUNDED = 1e-3
+"""rad or m: so far from their limits joints are, whose values are rounded to it."""
+
+STEPS = (0.5, -0.5, 0.2, -0.2, 0.05, -0.05)
+"""Of all joints to proposed goals, rad or m, where no such point is reached."""
 
 
 def start_of(robot: Robot) -> str | None:
@@ -38,8 +44,11 @@ def reached(robot: Robot, start: str | None, point: Sequence[float] | Array) -> 
     return answer(robot, robot.tool_frame, pin.SE3(rotation, np.asarray(point, float)), q)
 
 
-def proposed_goal(robot: Robot, start: str | None) -> list[float]:
-    """Return a point [x, y, z], m, that the tool reaches as it is turned at the start, and touches nothing itself."""
+def proposed_goal(robot: Robot, start: str | None) -> list[float] | None:
+    """Return a point [x, y, z], m, that the tool reaches as it is turned at the start, where the robot is free.
+
+    None where there is none, as of most arms with fewer than six joints.
+    """
     tool = frame_pose(robot, _q(robot, start), robot.tool_frame).translation
     model = collision_model(robot, Scene())
     for shift in SHIFTS:
@@ -47,24 +56,34 @@ def proposed_goal(robot: Robot, start: str | None) -> list[float]:
         found = reached(robot, start, point).solutions
         if any(one.within_limits and not model.collides(one.q) for one in found):
             return [float(x) for x in point]
-    return [round(float(x), 3) for x in tool]
+    return None
 
 
-def first_problem(robot: Robot, name: str, start: str | None, goal: list[float], title: str, schema: str) -> str:
+def moved_joints(robot: Robot, start: str | None) -> Array:
+    """Return a configuration (n,) not far from the start in which the robot is free; the start where there is none."""
+    q, model = _q(robot, start), collision_model(robot, Scene())
+    lower, upper = robot.limits.lower + ROUNDED, robot.limits.upper - ROUNDED
+    steps = (np.where(lower < upper, np.clip(q + step, lower, upper).round(3), q) for step in STEPS)
+    return next((moved for moved in steps if not np.allclose(moved, q) and not model.collides(moved)), q)
+
+
+def first_problem(robot: Robot, name: str, start: str | None, goal: list[float] | None, title: str, schema: str) -> str:
     """Return the text of a problem file.
 
     Args:
         robot: the robot.
         name: how the file calls it.
         start: named configuration; None: zero.
-        goal: [x, y, z] of the tool, m.
+        goal: [x, y, z] of the tool, m; None: a configuration.
         title: name of the problem.
         schema: file name of the JSON schema beside it.
     """
     q = _q(robot, start)
-    rpy = pin.rpy.matrixToRpy(frame_pose(robot, q, robot.tool_frame).rotation)
-    position, turned = (", ".join(f"{round(float(x), 4) + 0.0:g}" for x in row) for row in (goal, rpy))
-    begins = flow({"configuration": start}) if start is not None else f"{{joints: [{', '.join(f'{x:g}' for x in q)}]}}"
+    begins = flow({"configuration": start}) if start is not None else f"{{joints: [{_row(q)}]}}"
+    ends = f"joints: [{_row(moved_joints(robot, start))}]"
+    if goal is not None:
+        rpy = pin.rpy.matrixToRpy(frame_pose(robot, q, robot.tool_frame).rotation)
+        ends = f"pose: {{position: [{_row(goal)}], rpy: [{_row(rpy)}]}}"
     rows = [
         f"# yaml-language-server: $schema={schema}",
         "# Metres and radians. optiplan plan --view shows the motion; optiplan check tells what is wrong.",
@@ -73,9 +92,13 @@ def first_problem(robot: Robot, name: str, start: str | None, goal: list[float],
         f"robot: {flow(name)}",
         f"start: {begins}",
         "goal:",
-        f"  pose: {{position: [{position}], rpy: [{turned}]}}",
+        f"  {ends}",
         "# scene:    # take the # away, and put the box in the way",
         "#   obstacles:",
         "#     - {name: box, shape: {box: [0.1, 0.1, 0.3]}, pose: {position: [0.5, 0.1, 0.15]}}",
     ]
     return "\n".join(rows) + "\n"
+
+
+def _row(values: Iterable[float]) -> str:
+    return ", ".join(f"{round(float(x), 4) + 0.0:g}" for x in values)

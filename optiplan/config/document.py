@@ -5,10 +5,11 @@ Every way in which a file can be unusable ends in `InputError` holding `Issue`s,
 """
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -35,6 +36,9 @@ WHOLE_TAG = "tag:yaml.org,2002:int"
 TEXT_TAGS = ("tag:yaml.org,2002:str", "tag:yaml.org,2002:merge")
 """What a key can be: text, or `<<`."""
 
+XML = re.compile(r"\s*<[?!A-Za-z]")
+"""How an XML file begins; robots come as such."""
+
 MOST = 16 * 2**20
 """Largest file, bytes."""
 
@@ -47,6 +51,9 @@ class Strict(BaseModel):
 
     Defaults of such a class are made by `model_construct()`, which builds no validator.
     """
+
+    written_out: ClassVar[tuple[str, ...]] = ()
+    """Keys that a file may have besides, in whose place others stand by the time that it is read as this class."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)  # built by the first value
 
@@ -123,6 +130,9 @@ def parse_yaml(text: str, path: Path) -> Document:
     """
     if "\0" in text:
         raise InputError([Issue(str(path), None, "file", "a binary file", "a YAML document")])
+    if XML.match(text):
+        expected = f"YAML; `optiplan robots init {path.name}` makes a robot.yaml of a URDF, xacro or MJCF"
+        raise InputError([Issue(str(path), None, "file", "XML", expected)])
     try:
         data, lines = read_simple(text) or _read_any(text, path)
     except MarkedYAMLError as error:

@@ -119,7 +119,8 @@ def words_for(model_class: type[BaseModel], error: ErrorDetails) -> tuple[str, s
         return "nothing", expected_by(error)
     if kind in OWN:
         return _own_words(error)
-    return describe(error["input"]), expected_by(error)
+    keys = f": {', '.join(_keys_at(model_class, loc))}" if kind.startswith("model_") else ""
+    return describe(error["input"]), expected_by(error) + keys
 
 
 def expected_by(error: ErrorDetails) -> str:
@@ -146,7 +147,12 @@ def _keys_at(model_class: type[BaseModel], loc: Iterable[str | int]) -> list[str
         named = [model for model in models if model.__name__ == key]
         inner = [found for model in models for found in _models_in(_annotation(model, key))]
         models = named or inner or models
-    return [field.alias or name for model in models for name, field in model.model_fields.items()]
+    return [key for model in models for key in _keys_of(model)]
+
+
+def _keys_of(model: type[BaseModel]) -> list[str]:
+    fields = [field.alias or name for name, field in model.model_fields.items()]
+    return [*fields, *getattr(model, "written_out", ())]
 
 
 def _annotation(model: type[BaseModel], key: str | int) -> Any:

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from optiplan.errors import OfOneProcess
 from optiplan.execution.arguments import same_state
 from optiplan.execution.due_events import DueEvents
 from optiplan.execution.paths.joint_stop import Detour, JointStops
@@ -29,7 +30,7 @@ ELSEWHERE = "the speed was changed before another motion could take over"
 """What a reason says where another motion begins in a state that the robot does not come to."""
 
 
-class LawFollower:
+class LawFollower(OfOneProcess):
     """What `Executor` knows of its way, and how it changes its law.
 
     At all times there is a law until the robot stands still. A change replaces it only by another such law.
@@ -55,6 +56,10 @@ class LawFollower:
     _planning: PlanningProcess | None
     _reason: str
     _blocking: tuple[str, str] | None  # the bodies for which the robot stopped by itself last
+
+    def __repr__(self) -> str:
+        """The run, and how long it is being executed."""
+        return f"{type(self).__name__}: {self._path.run!r}; {self.time:.3f} s since the first tick"
 
     @property
     def _people(self) -> SeparationMonitor | None:

@@ -116,6 +116,17 @@ def pose_from_matrix(values: Sequence[float]) -> pin.SE3:
     return pin.SE3(U @ Vt, matrix[:3, 3])
 
 
+def is_matrix_of_pose(value: object) -> bool:
+    """Return whether a value is a homogeneous matrix (4, 4), an array or a list of rows."""
+    if not isinstance(value, np.ndarray | list | tuple):  # a `pinocchio.SE3` can be asked for its matrix
+        return False
+    try:
+        matrix = np.asarray(value, float)
+        return matrix.shape == (4, 4) and pose_from_matrix(matrix.ravel().tolist()) is not None
+    except (TypeError, ValueError):
+        return False
+
+
 class PoseError(NamedTuple):
     """How far a pose is from another.
 

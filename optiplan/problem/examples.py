@@ -9,7 +9,7 @@ from optiplan.errors import InputError, Issue
 from optiplan.files import is_folder
 from optiplan.resources import problems_dir
 
-_ROBOT = "the description of a robot, which a robot file names (`urdf: …`) and a problem through it (`robot: …`)"
+_ROBOT = "the description of a robot, of which `optiplan robots init` makes a robot file for problems (`robot: …`)"
 _RUN = "what came of a run (`optiplan view` shows it)"
 _NOT_PROBLEMS = {".urdf": _ROBOT, ".xacro": _ROBOT, ".srdf": _ROBOT}
 _RUN_FILES = ("run.json", "trajectory.json")
@@ -30,7 +30,9 @@ def find_problem(name: str) -> Path:
         return examples[path.stem]
     if os.path.isfile(path) and other is not None:
         raise InputError([Issue(name, None, "file", other, "a problem file (YAML)")])
-    expected = f"a problem file, or one of the examples: {', '.join(examples)}"
+    is_path = bool(path.suffix) or path.parent != Path() or os.path.exists(path)  # such a name is of no example
+    named = f"one of the examples: {', '.join(examples)}" if not is_path else "the name of an example, such as 01_reach"
+    expected = f"a problem file, or {named}"
     if not os.path.exists(path):
         expected += _hint(path.stem, examples)
     raise InputError([Issue(name or "''", None, "file", _found(path) if name else "an empty name", expected)])

@@ -378,7 +378,7 @@ class Problem(ReadOnlyArrays, FreeSpace):
 
     def __repr__(self) -> str:
         """Name, robot, goal and scene in one line."""
-        past = f" past {len(self.vias)} points" if self.vias else ""
+        past = f" past {len(self.vias)} point{'s' * (len(self.vias) > 1)}" if self.vias else ""
         return f"Problem: {self.name}, {self.robot.name}, to {self._end}{past}; {self._around}"
 
     def _repr_html_(self) -> str:

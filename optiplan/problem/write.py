@@ -53,7 +53,7 @@ def _quoted(text: str) -> str:
 def end_words(goal: Goal, steps: int) -> str:
     """Return where a problem leads, in a few words: to one of its ends, or through so many steps."""
     if steps:
-        return f"do {steps} steps"
+        return f"do {steps} step{'s' * (steps > 1)}"
     if len(goal) != 1:
         return f"any of {len(goal)} ends"
     end = goal[0]

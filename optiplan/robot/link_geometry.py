@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.config.document import Document
-from optiplan.config.messages import choices
+from optiplan.config.messages import choices, some
 from optiplan.config.values import LARGEST_COORDINATE
 from optiplan.errors import InputError, Issue, plain_reason
 from optiplan.geometry.convex import body_of, cover_of, hull_of, over_cover_of, pieces_of
@@ -21,6 +21,10 @@ from optiplan.robot.spec import CollisionSpec, Treatment
 from optiplan.robot.urdf.mesh_geometries import UrdfBodies
 
 PRIMITIVE = "primitive"
+
+LONG = 10.0
+"""m; no link of an arm is as long, and one of 10 mm is, if its numbers are taken for metres."""
+
 KINDS: tuple[Treatment, ...] = ("auto", "hull", "mesh", "convex_pieces")
 
 
@@ -67,6 +71,10 @@ def treat(
         if treated.kind != PRIMITIVE:
             result.over_cover[link] = max(treated.over_cover, result.over_cover.get(link, 0.0))
         result.kinds[link] = max(treated.kind, result.kinds.get(link, treated.kind), key=_EXACTNESS.index)
+    lengths = [(name.rpartition("_")[0], np.ptp(mesh.vertices, axis=0).max()) for name, mesh in bodies.meshes.items()]
+    if long := [f"{link} ({length:.3g} m)" for link, length in lengths if length > LONG]:
+        scale = 'scale="0.001 0.001 0.001" of a <mesh> turns millimetres into metres'
+        result.notes.append(f"meshes that look like millimetres: those of {some(long, 3)}; {scale}")
     return result
 
 

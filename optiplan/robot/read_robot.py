@@ -135,7 +135,8 @@ def _bodies(reduced: Reduced, spec: RobotSpec, document: Document) -> LinkGeomet
         return LinkGeometry(notes=["collision: none: the robot has no bodies, and no contact of it is checked"])
     if not reduced.bodies.geometry.ngeoms:
         found = "a robot without any collision geometry"
-        expected = "bodies for at least one link, or `collision: none` to have limits checked and no contact"
+        bodies = "bodies for at least one link, such as what its <visual> has as <collision>"
+        expected = f"{bodies}, or `collision: none` to have limits checked and no contact"
         raise InputError([document.issue(("urdf",) if spec.dh is None else ("dh",), found, expected)])
     return treat(reduced.model, reduced.bodies, spec.collision, document)
 

@@ -194,7 +194,9 @@ def _read(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise _unusable(path, error, "a run folder or file") from error
     except json.JSONDecodeError as error:
-        raise InputError([Issue(str(path), error.lineno, "file", f"broken JSON ({error.msg})", "JSON")]) from error
+        found = "YAML" if path.suffix in (".yaml", ".yml") else f"broken JSON ({error.msg})"
+        expected = "JSON, such as a file of the folder that `optiplan plan FILE --out DIR` writes"
+        raise InputError([Issue(str(path), error.lineno, "file", found, expected)]) from error
     except (ValueError, RecursionError) as error:  # no UTF-8, or a number of thousands of digits
         raise InputError([Issue(str(path), None, "file", "not readable as JSON text", "JSON")]) from error
     if not isinstance(data, dict):

@@ -18,6 +18,7 @@ from optiplan.config.document import plain
 from optiplan.errors import (
     InputError,
     Issue,
+    OfOneProcess,
     OptiPlanError,
     described,
     options_argument,
@@ -49,7 +50,7 @@ class ServerError(CellError, OptiPlanError):
     """A server that cannot be reached, or refuses: `status` is that of HTTP, 0 where there is none."""
 
 
-class Client:
+class Client(OfOneProcess):
     """A planner on a server (`optiplan serve`).
 
     Args:

@@ -2,11 +2,14 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.config.messages import some
+from optiplan.geometry.file_shapes import Mesh
 from optiplan.problem.constraints.balance import TipOver
 from optiplan.problem.problem import Problem
 from optiplan.robot.frames import link_names
@@ -16,6 +19,9 @@ from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pairs import FILE, count_reasons, reasons_in_words
 from optiplan.verify.report import Check
 from optiplan.verify.safety_words import safety_scope
+
+HALL = 50.0
+"""m; few halls are longer, and a part of 50 mm is as long, if its numbers are taken for metres."""
 
 
 def scope(problem: Problem, robot: Robot, checks: Sequence[Check]) -> tuple[str, ...]:
@@ -29,6 +35,7 @@ def scope(problem: Problem, robot: Robot, checks: Sequence[Check]) -> tuple[str,
         *_tube(problem, checks),
         *_of_the_robot(robot),
         *_moving(problem),
+        *_large(problem),
         *_torque(problem, checks),
         *_balance(problem),
         *_allowed(problem),
@@ -98,6 +105,19 @@ def _moving(problem: Problem) -> list[str]:
     """Name the obstacles that move, as stated, and when."""
     names = [body.name for body in problem.scene.dynamic_obstacles]
     return [f"moving as stated while the robot moves: {', '.join(names)}"] if names else []
+
+
+def _large(problem: Problem) -> list[str]:
+    """Name the obstacles that a mesh in millimetres makes a thousand times too large: nothing then touches them."""
+    large = []
+    for one in problem.scene.obstacles:
+        if isinstance(one.shape, Mesh):
+            with suppress(ValueError):  # the file is gone by now: what was checked is kept elsewhere
+                box = one.shape.body().aabb_local
+                size = max(box.width(), box.height(), box.depth())
+                large += [f"{one.name} ({size:.3g} m)"] if size > HALL else []
+    said = f"meshes that look like millimetres: those of {some(large, 3)}; `scale: 0.001` turns them into metres"
+    return [said] if large else []
 
 
 def _vector(values: Array) -> str:

@@ -3,9 +3,12 @@ import os
 import signal
 
 import pytest
+from rich.console import Console
 
 from optiplan.cli.output import interruptible, interrupts_held, print_json, report_error, stdout_is_ours
+from optiplan.cli.printing.report import show_report
 from optiplan.errors import InputError, Issue, UnknownChoiceError
+from optiplan.verify.report import Check, Report, VerifyPolicy
 
 ISSUE = Issue("a.yaml", 3, "start.joints", "a list of 6 values", "7 values", ("start", "joints"))
 
@@ -92,6 +95,14 @@ def test_a_motion_that_ends_where_it_began_has_no_bound(optiplan, tmp_path):
     _, out, _ = optiplan("plan", "27_circle", "--out", tmp_path / "run")
     assert "no lower bound: it ends where it began" in out
     assert "bound, 0.000 s" not in out
+
+
+@pytest.mark.parametrize(("passed", "worst"), [(False, "1.00005"), (True, "1")])
+def test_a_failed_check_shows_that_it_is_beyond_the_limit(capsys, passed, worst):
+    check = Check("velocity", "exact", passed, 1.0000476, 1.000001, "rad/s")
+    show_report(Console(), Report(VerifyPolicy(), (check,), {}), full=True)
+    (row,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("velocity")]
+    assert row.split()[2:4] == [worst, "1"]
 
 
 def test_interrupts_are_exceptions_meanwhile():

@@ -94,6 +94,7 @@ def test_all_issues_at_once_in_file_order(tmp_path):
         ("a: &x [*x]\n", 1, "too large"),
         (b"\xff\xfe\x00", None, "not UTF-8"),
         (b"a: \x00", None, "binary"),
+        ("\n<!-- my arm -->\n<robot name='arm'>\n\t<link/></robot>", None, "XML"),
         ("a: " + "[" * 400 + "]" * 400, 1, "too large"),
     ],
 )
@@ -112,7 +113,10 @@ def test_missing_file_and_folder(tmp_path):
 
 
 def test_a_list_instead_of_keys(tmp_path):
-    assert "a list of 2 values; expected a mapping" in messages(write(tmp_path, "[1, 2]"))[0]
+    expected = "expected a mapping of keys to values: version, name, limits, items"
+    assert messages(write(tmp_path, "[1, 2]")) == [f"{tmp_path / 'file.yaml'}:1: file: a list of 2 values; {expected}"]
+    (found,) = messages(write(tmp_path, "version: 1\nname: x\nitems: [3]"))
+    assert found.endswith("items[0]: 3; expected a mapping of keys to values: size")
 
 
 def test_yaml_1_2_numbers(tmp_path):

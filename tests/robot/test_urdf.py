@@ -51,6 +51,14 @@ def test_meshes_are_found_and_scaled(cube, form):
     assert cube.resolve() in [path.resolve() for path in robot.files]
 
 
+@pytest.mark.parametrize(("size", "noted"), [(4.0, []), (400.0, ["m (800 m)"])])
+def test_a_mesh_in_millimetres_is_noted(tmp_path, size, noted):
+    path = write_robot(tmp_path, meshed("collision", "long.stl"))
+    trimesh.creation.box((0.1, 0.2, size)).export(tmp_path / "long.stl")
+    notes = [note for note in load_robot(str(path)).notes if "millimetres" in note]
+    assert [note.partition("those of ")[2].partition(";")[0] for note in notes] == noted
+
+
 def test_a_missing_collision_mesh_names_the_link_and_what_was_tried(tmp_path):
     path = write_robot(tmp_path, meshed("collision", "package://pack/meshes/none.stl"))
     with pytest.raises(InputError) as caught:
@@ -60,6 +68,12 @@ def test_a_missing_collision_mesh_names_the_link_and_what_was_tried(tmp_path):
     assert issue.line == 1
     assert str(tmp_path / "pack/meshes/none.stl") in issue.found
     assert str(tmp_path / "meshes/none.stl") in issue.found
+
+
+def test_a_mesh_whose_name_differs_in_capitals_is_proposed(cube):
+    path = write_robot(cube.parent.parent / "robot", meshed("collision", "package://pack/Meshes/Cube.STL"))
+    with pytest.raises(InputError, match=f"expected a mesh file, such as {cube.resolve()}, whose capitals differ"):
+        load_robot(str(path))
 
 
 def test_a_missing_visual_mesh_is_only_noted(tmp_path):

@@ -95,6 +95,12 @@ def test_a_lost_trajectory_is_an_error_not_a_failure(done, tmp_path):
         load_run(tmp_path)
 
 
+def test_a_problem_file_is_no_run(tmp_path):
+    (tmp_path / "cell.yaml").write_text("version: 1\n")
+    with pytest.raises(InputError, match=r"cell.yaml:1: file: YAML; expected JSON, such as a file of the folder that"):
+        load_run(tmp_path / "cell.yaml")
+
+
 def test_an_empty_folder_holds_no_run(tmp_path):
     with pytest.raises(InputError, match=r"run\.json"):
         load_run(tmp_path)

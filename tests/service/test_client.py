@@ -259,7 +259,7 @@ def test_the_command_line_plans_on_a_server(server, quick, tmp_path, capsys):
     assert command(["plan", str(here), "--server", server.url]) == 2
     said = capsys.readouterr().err.splitlines()  # the server logs there, too
     refused = next(line for line in said if line.startswith(f"{here} at {server.url}: robot: "))
-    assert "robot.yaml: outside the folders that may be read; expected" in refused
+    assert "robot.yaml: outside the folders that may be read (`optiplan serve --folder DIR`); expected" in refused
 
 
 def free(server):

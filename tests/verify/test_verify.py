@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 
+import optiplan as op
 from optiplan.collision.kept_models import collision_model
 from optiplan.errors import InputError
 from optiplan.geometry.scene import Attachment, Box, Capsule, HalfSpace, Obstacle, Scene, Sphere
@@ -248,6 +250,14 @@ def test_contacts_that_the_problem_allows_are_told(planar, swing):
         report = verify(problem_of(planar, swing, Scene((ball,), allowed=frozenset(allowed))), swing)
         assert report.verified is verdict
         assert "ball – tip" in report.scope[-1]
+
+
+@pytest.mark.parametrize(("scale", "told"), [(0.001, 0), (1.0, 1)])
+def test_a_mesh_in_millimetres_is_told(planar, swing, tmp_path, scale, told):
+    trimesh.creation.box((1500, 800, 700)).export(tmp_path / "table.stl")
+    table = op.Mesh("table", tmp_path / "table.stl", scale=scale, position=(0, 0, -350 * scale - 2))
+    scope = verify(problem_of(planar, swing, Scene((table,))), swing).scope
+    assert sum("look like millimetres: those of table (1.5e+03 m)" in said for said in scope) == told
 
 
 def test_what_an_attached_object_may_touch_is_told(planar, swing):

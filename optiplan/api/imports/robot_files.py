@@ -57,8 +57,8 @@ class RobotSource:
             try:
                 return load_robot(str(path))
             except InputError as error:
-                own = str(path.resolve())
-                issues = (replace(issue, file="robots init", line=None) for issue in error.issues if issue.file == own)
+                own, source = str(path.resolve()), str(self.described.source)
+                issues = (replace(issue, file=source, line=None) for issue in error.issues if issue.file == own)
                 others = (issue for issue in error.issues if issue.file != own)
                 raise InputError([self._named(issue) for issue in (*issues, *others)]) from error
 

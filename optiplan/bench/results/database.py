@@ -313,6 +313,9 @@ class Store:
 
     def _check_version(self) -> None:
         """Refuse results of a later release, bring those of an earlier one up to date."""
+        if not self.query("SELECT 1 FROM sqlite_master WHERE name = 'meta'"):
+            self.close()
+            raise _unusable(self.path, "a database without the table `meta`", "results of a suite")
         rows = self.query("SELECT value FROM meta WHERE key = 'schema_version'")
         found = int(rows[0][0]) if rows else 0
         if not 1 <= found <= SCHEMA_VERSION:

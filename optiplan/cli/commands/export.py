@@ -62,7 +62,8 @@ def export(
 
     known = (*FORMATS, PROGRAM, *PICTURES)
     if to not in known:
-        raise InputError([Issue("--to", None, "format", repr(to), f"one of: {', '.join(known)}")])
+        others = "; for html, mcap and rrd: `optiplan view RUN --export FILE`"
+        raise InputError([Issue("--to", None, "format", repr(to), f"one of: {', '.join(known)}{others}")])
     if to not in FORMATS and (rate is not None or cyclic):
         given = "--rate" if rate is not None else "--cyclic"
         why = "none: " + ("a program has no rate" if to == PROGRAM else "pictures have no samples")

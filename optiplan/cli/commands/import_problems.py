@@ -87,5 +87,5 @@ def scene(
         return 0
     for note in read.notes:
         messages().print(f"note: {note}", style="yellow", markup=False, soft_wrap=True)
-    say(f"{len(read.obstacles)} obstacles written to {out}")
+    say(f"written to {out}: {len(read.obstacles)} obstacle{'s' * (len(read.obstacles) != 1)}")
     return 0

@@ -42,14 +42,16 @@ def schema(
 
 def new(
     file: Annotated[Path, typer.Argument(metavar="FILE.yaml", help="the problem to write")],
-    robot: Annotated[str, typer.Option(metavar="NAME", help="a bundled robot", autocompletion=robot_names)] = "",
+    robot: Annotated[
+        str, typer.Option(metavar="NAME", help="a bundled robot, or a robot.yaml", autocompletion=robot_names)
+    ] = "",
     goal: Annotated[str, typer.Option(metavar="X,Y,Z", help="where the tool should go, m")] = "",
     yes: Annotated[bool, typer.Option("--yes", help="ask nothing: take what is proposed")] = False,
 ) -> int:
     """Ask for a robot and a goal, and write a first problem, with the schema for editors beside it.
 
     The proposed goal is one that the robot reaches; one out of reach is refused. The tool keeps the orientation that it
-    has at the start.
+    has at the start; where that leaves an arm no other point, the goal is a configuration.
 
     [bold]Examples[/]
 
@@ -69,11 +71,14 @@ def new(
     loaded = load_robot(chosen)
     start = start_of(loaded)
     proposed = proposed_goal(loaded, start)
-    offered = ",".join(f"{x:g}" for x in proposed)
-    said = goal or (typer.prompt("Where should the tool go? x,y,z in m", default=offered) if ask else offered)
-    point = _point(said)
-    if said != offered and (missed := reached(loaded, start, point)).nearest is not None:
-        expected = f"a point that the tool reaches as it is turned at the start, such as {offered}"
+    offered = "" if proposed is None else ",".join(f"{x:g}" for x in proposed)
+    said = goal or (
+        typer.prompt("Where should the tool go? x,y,z in m", default=offered) if ask and offered else offered
+    )
+    point = _point(said) if said else None
+    if point is not None and said != offered and (missed := reached(loaded, start, point)).nearest is not None:
+        other = f"such as {offered}" if offered else "or none, for a configuration as the goal"
+        expected = f"a point that the tool reaches as it is turned at the start, {other}"
         raise InputError([Issue("new", None, "--goal", f"'{said}': {missed.reason}", expected)])
     reference = str(loaded.reference.robot)  # a name, or the path of the robot.yaml, which stands relative to the file
     name = chosen if reference == chosen else os.path.relpath(reference, file.parent.resolve())

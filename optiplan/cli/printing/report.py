@@ -100,8 +100,7 @@ def _table(checks: Sequence[Check]) -> Table:
         verdict = "[green]pass[/]" if check.passed else "[bold red]FAIL[/]"
         small = check.unit == "m" and max(abs(check.worst or 0.0), abs(check.limit or 0.0)) < 1.0
         scale, unit = (1e3, "mm") if small else (1.0, check.unit)
-        worst, limit = _number(check.worst, scale), _number(check.limit, scale)
-        table.add_row(escape(check.name), verdict, worst, limit, unit, escape(_where(check)), check.kind)
+        table.add_row(escape(check.name), verdict, *_numbers(check, scale), unit, escape(_where(check)), check.kind)
     return table
 
 
@@ -110,8 +109,14 @@ def _where(check: Check) -> str:
     return " ".join([*moment, check.place])
 
 
-def _number(value: float | None, scale: float) -> str:
-    return "–" if value is None else f"{value * scale:.4g}"
+def _numbers(check: Check, scale: float) -> list[str]:
+    """Return worst value and limit, with as many digits as show that one is beyond the other, if it is."""
+    values = [None if value is None else value * scale for value in (check.worst, check.limit)]
+    for digits in range(4, 17):
+        texts = ["–" if value is None else f"{value:.{digits}g}" for value in values]
+        if check.passed or texts[0] != texts[1]:
+            break
+    return texts
 
 
 def _quality(run: Run) -> str:

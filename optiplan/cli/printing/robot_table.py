@@ -79,8 +79,8 @@ def show_robot(console: Console, data: Mapping[str, Any], full: bool = True) -> 
     if full:
         _show_links(console, data)
     else:
-        counted = f"{len(data['locked'])} joints locked, {len(data['links'])} links with bodies"
-        console.print(f"{counted}, {len(data['frames'])} frames (all of them: --full)", style="dim")
+        counted = f"joints locked: {len(data['locked'])}, links with bodies: {len(data['links'])}"
+        console.print(f"{counted}, frames: {len(data['frames'])} (all of them: --full)", style="dim")
     _show_pairs(console, data, full)
     for note in _some(data["notes"], "notes", full):
         console.print(f"note: {note}", style="yellow", markup=False, soft_wrap=True)
@@ -135,7 +135,8 @@ def _show_pairs(console: Console, data: Mapping[str, Any], full: bool) -> None:
     for pair in _some(known, "pairs", full):
         word = reasons.get(tuple(pair["links"]), "checked")
         table.add_row(" – ".join(pair["links"]), word, f"{pair['collision_rate']:.1%}")
-    console.print(table, markup=False)
+    if known:
+        console.print(table, markup=False)
     _left_out(console, known, "pairs", full)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from optiplan.arrays import Array, is_finite, number_argument
 from optiplan.cores import keeping_time
-from optiplan.errors import described, whole_argument, wrong_argument
+from optiplan.errors import OfOneProcess, described, whole_argument, wrong_argument
 from optiplan.execution.arguments import LONGEST_TICK, numbers
 from optiplan.execution.drivers.base import Driver, DriverError
 from optiplan.execution.executor import Executor
@@ -48,7 +48,7 @@ log = logging.getLogger(__name__)
 Answer = TypeVar("Answer")
 
 
-class Execution:
+class Execution(OfOneProcess):
     """Run an executor's motion on a driver: a thread that sends a set-point a tick, to the end or to a stop.
 
     Commands from other threads are taken at the next tick. Nothing raises in the thread. It ends when the robot stands
@@ -103,6 +103,10 @@ class Execution:
         self._failed = ""  # why it ended at once
         self._let_go = False
         self._subscribers = Subscribers(self._loop, self.snapshot, self._over)
+
+    def __repr__(self) -> str:
+        """The executor, and on what it runs."""
+        return f"Execution: {self._executor!r}; on {type(self._driver).__name__}"
 
     def start(self) -> None:
         """Begin to send set-points.

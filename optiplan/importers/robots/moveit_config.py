@@ -136,7 +136,7 @@ def _only(folder: Path, kind: str) -> Path:
 
 def _xml(path: Path, packages: RosPackages, arguments: Mapping[str, str]) -> str:
     if path.suffix == ".xacro":
-        return expand_xacro(path, packages, arguments)
+        return expand_xacro(path, packages, dict(arguments))
     return read_bytes(path).decode("utf-8", errors="replace")
 
 

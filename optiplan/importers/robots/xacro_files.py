@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from optiplan.config.messages import choices
 from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.robot.urdf.ros_packages import RosPackages
 
@@ -14,8 +15,38 @@ _LOCK = threading.Lock()
 """The package keeps the files and arguments of one run in its module."""
 
 
-def expand_xacro(path: Path, packages: RosPackages, arguments: Mapping[str, str] | None = None) -> str:
+class Arguments(dict[str, str]):
+    """Arguments of a xacro file, which remember the names that it asked for."""
+
+    def __init__(self, given: Mapping[str, str]) -> None:
+        super().__init__(given)
+        self._given, self._asked = tuple(given), set[str]()
+
+    def __contains__(self, name: object) -> bool:
+        """Return whether there is a value of that name."""
+        self._asked.add(str(name))
+        return super().__contains__(name)
+
+    def __getitem__(self, name: str) -> str:
+        """Return the value of that name."""
+        self._asked.add(name)
+        return super().__getitem__(name)
+
+    def refuse_unknown(self, path: Path) -> None:
+        """Raise an InputError for what was given and not asked for."""
+        asked = sorted(self._asked)
+        wrong = [(f"unknown argument '{name}'", choices(name, asked)) for name in self._given if name not in asked]
+        if wrong:
+            raise InputError([Issue(str(path), None, "xacro", *words) for words in wrong])
+
+
+def expand_xacro(path: Path, packages: RosPackages, arguments: dict[str, str]) -> str:
     """Return the XML that xacro makes of a file; `$(find NAME)` is looked for in `packages`.
+
+    Args:
+        path: of the file.
+        packages: of ROS.
+        arguments: values by name; the defaults of the file are added.
 
     Raises:
         OptiPlanError: the package `xacro` is not installed.
@@ -36,9 +67,19 @@ def expand_xacro(path: Path, packages: RosPackages, arguments: Mapping[str, str]
     with _LOCK:
         before, resolver._eval_find = resolver._eval_find, find
         try:
-            return str(xacro.process_file(str(path), mappings=dict(arguments or {})).toxml())
+            return str(xacro.process_file(str(path), mappings=arguments).toxml())
         except Exception as error:  # xacro evaluates expressions: anything can come out of one
-            told = " ".join(str(error).split()) or type(error).__name__
-            raise InputError([Issue(str(path), None, "xacro", told, "a file that xacro expands")]) from error
+            file, line = (xacro.filestack or [path])[-1], getattr(error, "lineno", None)
+            found, expected = _told(error), "a file that xacro expands"
+            if isinstance(getattr(error, "exc", None), resolver.ArgException):
+                found, expected = f"no value of the argument '{found}'", "one (--arg NAME=VALUE)"
+            raise InputError([Issue(str(file), line, "xacro", found, expected)]) from error
         finally:
             resolver._eval_find = before
+
+
+def _told(error: BaseException) -> str:
+    """What an error of xacro says, once: each repeats the words of the one that it wraps, and adds a suffix."""
+    inner: BaseException | None = getattr(error, "exc", None)
+    told = (str(error) or type(error).__name__) if inner is None else _told(inner)
+    return " ".join(f"{told} {getattr(error, 'suffix', None) or ''}".split())

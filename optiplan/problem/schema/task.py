@@ -1,7 +1,7 @@
 """The schema of the steps of a task in a problem file."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
@@ -191,6 +191,8 @@ class TaskStepSpec(Strict):
     `allowed_collisions` of an approach are for its line alone. With `arm`, the steps of each arm follow each other,
     beside those of other arms; `wait_for` names steps of others that are done before.
     """
+
+    written_out: ClassVar = ("pick", "place", "for", "do", "either")
 
     move: MoveSpec | None = None
     line: StraightLineSpec | None = None

@@ -5,9 +5,11 @@ Continuous joints become revolute ones without limits, so that nq = nv.
 """
 
 import logging
+import os
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Container, Iterable, Iterator, Mapping
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 
@@ -17,7 +19,7 @@ import pinocchio as pin
 
 from optiplan.config.messages import some
 from optiplan.errors import InputError, Issue, plain_reason
-from optiplan.files import is_file, read_bytes
+from optiplan.files import is_file, is_folder, read_bytes
 from optiplan.records import dataclass
 from optiplan.robot.mimic_joints import Mimic, MimicError, leaders_first, resolve
 from optiplan.robot.reference import DESCRIPTION
@@ -25,7 +27,7 @@ from optiplan.robot.urdf.elements import parsed_xml, xml_text
 from optiplan.robot.urdf.mesh_geometries import UrdfBodies, read_bodies
 from optiplan.robot.urdf.ros_packages import RosPackages
 from optiplan.robot.urdf.unused_elements import leave_out
-from optiplan.robot.urdf.validation import MOVING, faults, odd_inertias
+from optiplan.robot.urdf.validation import MOVING, faults, odd_inertias, odd_turns
 
 log = logging.getLogger(__name__)
 
@@ -122,7 +124,7 @@ def read_urdf(path: Path, folder: Path, text: str | None = None) -> UrdfSource:
     issues = [element_error(path, *fault).issues[0] for fault in faults(root, joints)]
     if issues:
         raise InputError(issues)
-    notes += odd_inertias(root)
+    notes += (*odd_inertias(root), *odd_turns(joints))
     notes += leave_out(root, joints)
     for link in root.findall("link"):
         _settle_visuals(link, finder, notes)
@@ -315,11 +317,27 @@ def _settle_collisions(link: ET.Element, finder: _MeshFinder) -> None:
             name = mesh.get("filename", "")
             found = finder.find(name)
             if found is None:
-                tried = ", ".join(map(str, finder.candidates(name)))
-                message = f"collision mesh {name}, which is missing (tried {tried})"
-                raise element_error(finder.urdf, link.get("name", ""), message, "a mesh file")
+                tried = finder.candidates(name)
+                message = f"collision mesh {name}, which is missing (tried {', '.join(map(str, tried)) or 'nothing'})"
+                near = next(filter(None, map(_but_for_capitals, tried)), None)
+                expected = "a mesh file" if near is None else f"a mesh file, such as {near}, whose capitals differ"
+                raise element_error(finder.urdf, link.get("name", ""), message, expected)
             finder.collision.append(found)
             mesh.set("filename", str(found))
+
+
+def _but_for_capitals(path: Path) -> Path | None:
+    """Return the file whose path is this one but for capital letters: on Windows that is no difference."""
+    here = Path(path.anchor)
+    for part in Path(os.path.normpath(path)).parts[1:]:
+        names: list[str] = []
+        with suppress(OSError):  # a folder that may not be read
+            names = os.listdir(here) if is_folder(here) else []
+        alike = part if part in names else next((name for name in names if name.lower() == part.lower()), None)
+        if alike is None:
+            return None
+        here /= alike
+    return here
 
 
 def _rename_links(root: ET.Element, joints: list[ET.Element]) -> dict[str, str]:

@@ -4,12 +4,13 @@ import math
 import re
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from difflib import get_close_matches
 from typing import NamedTuple
 
 import numpy as np
 
+from optiplan.config.messages import some
 from optiplan.records import dataclass
 
 SIZES = {"box": {"size": 3}, "sphere": {"radius": 1}, "cylinder": {"radius": 1, "length": 1}}
@@ -94,6 +95,9 @@ STATED = {"origin": tuple(_ORIGIN), "axis": ("xyz",), "mimic": ("joint", *_MIMIC
 ALIKE = 0.75, 0.6
 """How alike a tag, and an attribute, is to the one that is meant, as `difflib` measures it."""
 
+DEGREES = (40.0, 720.0)
+"""Limits of joints that turn, if in radians from six turns on, which few arms have; larger ones mean without end."""
+
 ROUNDED = 1e-6
 """kg m²: by so much the digits of a file may be off."""
 
@@ -112,6 +116,18 @@ def odd_inertias(root: ET.Element) -> Iterator[str]:
                 yield f"link {link.get('name')}: an inertia with {moment}; torques are as wrong as that"
 
 
+def odd_turns(joints: Iterable[ET.Element]) -> Iterator[str]:
+    """Say which joints turn so far that their limits look like degrees; to be asked of a URDF without faults."""
+    ends = {
+        joint.get("name", ""): max(abs(float(limit.get(key, "0"))) for key in ("lower", "upper"))
+        for joint in joints
+        for limit in joint.findall("limit")
+        if joint.get("type") == "revolute"
+    }
+    if far := [f"{name} ({end:g} rad)" for name, end in ends.items() if DEGREES[0] <= end <= DEGREES[1]]:
+        yield f"limits of position that look like degrees, where a URDF has radians: those of {some(far, 3)}"
+
+
 def faults(root: ET.Element, joints: list[ET.Element]) -> Iterator[Fault]:
     """Everything that a parser would drop or choke on, of links first and of joints then, and of the tree at last."""
     yield from list(_part_faults(root, joints)) or _root_faults(root)
@@ -122,6 +138,8 @@ def _part_faults(root: ET.Element, joints: list[ET.Element]) -> Iterator[Fault]:
     if root.get("version", VERSIONS[0]) not in VERSIONS:
         yield Fault(root.get("name", ""), f"version '{root.get('version')}'", f"one of: {', '.join(VERSIONS)}")
     links = root.findall("link")
+    if not links:
+        yield Fault("robot", f"<{root.tag}> without a <link>", "a URDF: a <robot> with links and joints")
     yield from _name_faults("link", links)
     yield from _name_faults("joint", joints)
     for element, find in [*((link, _link_faults) for link in links), *((joint, _joint_faults) for joint in joints)]:

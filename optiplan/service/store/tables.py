@@ -158,9 +158,12 @@ def open_database(url: str) -> Engine:
     """Open a database and bring its tables up to `LAYOUT`.
 
     Raises:
-        OptiPlanError: it cannot be reached, or is of a newer version.
+        OptiPlanError: it is of another kind, cannot be reached, or is of a newer version.
     """
     sqlite = url.startswith("sqlite")
+    shown = re.sub(r"(://[^:/@]*:)[^@]*@", r"\1***@", url)
+    if not (sqlite or url.startswith("postgresql")):
+        raise OptiPlanError(f"the database {shown}; expected sqlite:///PATH or postgresql://USER@HOST/NAME")
     try:
         options: dict[str, Any] = {} if sqlite else {"pool_pre_ping": True, "connect_args": postgres_options(url)}
         engine = sa.create_engine(url, pool_size=10, max_overflow=20, **options)
@@ -171,7 +174,6 @@ def open_database(url: str) -> Engine:
             _bring_up(connection)
     except (sa.exc.SQLAlchemyError, DatabaseAwayError, ImportError, ValueError, TypeError) as error:
         reason = str(getattr(error, "orig", None) or error.__cause__ or error).strip().split("\n")[0]
-        shown = re.sub(r"(://[^:/@]*:)[^@]*@", r"\1***@", url)
         raise OptiPlanError(f"the database {shown} cannot be used: {reason}") from error
     if sqlite:
         _watch_file(engine)

@@ -163,7 +163,7 @@ def figure_format(path: Path) -> str:
     kind = path.suffix.lower().removeprefix(".")
     if kind not in FORMATS:
         expected = f"a file that ends in {', '.join(f'.{one}' for one in FORMATS)}, or a folder"
-        raise InputError([Issue(str(path), None, "out", f"'{path.suffix}'", expected)])
+        raise InputError([Issue(str(path), None, "out", repr(path.suffix) if kind else "no ending", expected)])
     return kind
 
 

@@ -1,5 +1,6 @@
 """A wrong argument is an `InputError` that names it, what was found and what would be valid."""
 
+import copy
 import pickle
 import re
 
@@ -41,6 +42,7 @@ CASES = {
     "start kind": (lambda p: op.Problem(p.robot, None, [1, 1]), "op.Problem: start", "name of a configuration"),
     "goal kind": (lambda p: op.Problem(p.robot, [0, 0], 3.5), "op.Problem: goal", "op.Pose"),
     "goal none": (lambda p: op.Problem(p.robot, [0, 0], []), "op.Problem: goal", "at least one"),
+    "goal matrix": (lambda p: p.with_goal(np.eye(4)), "op.Problem: goal: found a matrix", "op.Pose.from_matrix"),
     "goal limits": (lambda p: op.Problem(p.robot, [0, 0], [0, 99]), "op.Problem: goal", "a value in"),
     "frame": (lambda p: p.with_goal(op.Pose((1, 0, 0), frame="hand")), "op.Problem: goal.pose.frame", "one of"),
     "vias": (lambda p: p.with_vias({}), "op.Problem: via", "joints"),
@@ -183,6 +185,7 @@ MOTION_CASES = {
     "time outside": (lambda run: run.trajectory(99.0), "Trajectory: t", "clamp=True"),
     "times in rows": (lambda run: run.trajectory(np.zeros((2, 2))), "Trajectory: t", r"\(k,\)"),
     "picture nowhere": (lambda run: op.plot(run, out="/proc/no/a.png"), "op.plot: out", "a file that can be written"),
+    "picture as a folder": (lambda run: op.plot(run, out="figures"), "op.plot: figures: out: no ending", r"\.csv$"),
     "share": (lambda run: op.plot(run, share=np.zeros(2)), "op.plot: share", "True or False"),
     "warm start of a client": (
         lambda run: op.Client("http://127.0.0.1:9").plan(run.problem, warm_start=run),
@@ -227,6 +230,15 @@ def test_errors_come_back_from_other_processes(run, call):
     assert type(again) is type(caught.value)
     assert str(again) == str(caught.value)
     assert vars(again) == vars(caught.value)
+
+
+def test_what_cannot_be_pickled_says_so(run):
+    executor = op.Executor(run)
+    assert repr(executor) == f"Executor: {run!r}; 0.000 s since the first tick"
+    for own in (executor, op.Client("http://127.0.0.1:1")):
+        for call in (pickle.dumps, copy.copy, copy.deepcopy):
+            with pytest.raises(TypeError, match=f"op.{type(own).__name__} belongs to its process, and can be neither"):
+                call(own)
 
 
 @pytest.mark.parametrize("part", [{"joint_names": None}, {"breakpoints": "x"}, {"coefficients": [[10**400]]}])

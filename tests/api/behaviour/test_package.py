@@ -84,6 +84,7 @@ def test_every_public_name_is_there_and_told_to_type_checkers():
         for alias in node.names:
             thing = getattr(op, alias.name)
             assert thing.__doc__, alias.name
+            assert inspect.getdoc(thing) == inspect.getdoc(getattr(thing, "_function", thing))
             assert op._HOME[alias.name] == node.module
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = op.nothing  # type: ignore[attr-defined]

@@ -86,6 +86,7 @@ def test_poses_can_be_said_in_four_ways():
     ]
     for pose in ways:
         assert np.allclose(pose.matrix, X.homogeneous, atol=1e-12)
+    for pose in (*ways, X):
         assert np.allclose(op.Problem("panda", "ready", pose).goal[0].X_WG.homogeneous, X.homogeneous, atol=1e-12)
 
 
@@ -107,6 +108,7 @@ def test_with_takes_what_the_problem_takes(problem):
 
 def test_a_problem_and_its_parts_say_what_they_are_in_a_line(problem, run):
     assert repr(problem) == "Problem: turn, planar2r, to a configuration; 1 obstacle (wall)"
+    assert repr(problem.with_vias([0.1, 0.2])) == repr(problem).replace(";", " past 1 point;")
     assert repr(problem.robot).startswith("Robot: planar2r, 2 joints, tool frame ")
     assert repr(run).startswith("Run: verified, ")
     assert repr(run.trajectory).startswith("Trajectory: ")

@@ -130,6 +130,10 @@ def test_what_is_no_results_is_refused(tmp_path, store):
         db.execute("UPDATE meta SET value = '99' WHERE key = 'schema_version'")
     with pytest.raises(InputError, match="schema version 99; expected 1"):
         Store(store.folder)
+    with sqlite3.connect(tmp_path / "results.sqlite") as db:
+        db.execute("CREATE TABLE others (x)")
+    with pytest.raises(InputError, match="a database without the table `meta`; expected results of a suite"):
+        Store(tmp_path)
     (tmp_path / "results.sqlite").write_text("no database" * 100)
     with pytest.raises(StoreError, match="no database of results"):
         Store(tmp_path)

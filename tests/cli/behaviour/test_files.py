@@ -23,6 +23,9 @@ def test_unknown_names_the_examples_and_the_nearest():
         find_problem("01_raech")
     assert "no such file" in str(caught.value)
     assert "did you mean '01_reach'?" in str(caught.value)
+    assert "02_shelf" in str(caught.value)
+    with pytest.raises(InputError, match=r"no such file; .* or the name of an example, such as 01_reach$"):
+        find_problem("cell.yaml")
 
 
 @pytest.mark.parametrize("name", ["elsewhere/01_reach.yaml", "01_reach.json"])

@@ -27,6 +27,15 @@ def test_a_first_problem_is_planned(tmp_path, robot):
     assert load_problem(file).scene.names == ("box",)
 
 
+def test_an_arm_of_few_joints_goes_to_a_configuration(tmp_path, capsys):
+    file = tmp_path / "first.yaml"
+    assert optiplan(["new", str(file), "--robot", "planar2r", "--goal", "0.3,0.3,0"]) == 2
+    assert "or none, for a configuration as the goal" in " ".join(capsys.readouterr().err.split())
+    assert optiplan(["new", str(file), "--robot", "planar2r", "--yes"]) == 0
+    (goal,) = load_problem(file).goal
+    assert goal.q.tolist() == [1.0, 1.5]
+
+
 @pytest.mark.parametrize("name", ["2026.yaml", "null.yaml", "cell: a.yaml"])
 def test_any_name_of_a_file_can_be_that_of_the_problem(tmp_path, name):
     assert optiplan(["new", str(tmp_path / name), "--yes"]) == 0

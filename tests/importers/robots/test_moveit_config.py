@@ -170,5 +170,29 @@ def test_xacro_is_expanded_without_ros(tmp_path):
     assert 'upper="1.25"' in expanded.text  # by joint_limits.yaml
     assert 'upper="2"' in describe(tmp_path / "description/urdf/two.urdf.xacro").text
     (tmp_path / "description/urdf/part.xacro").write_text(part.replace('upper="2"', 'upper="${bottom}"'))
-    with pytest.raises(op.InputError, match="bottom"):
+    with pytest.raises(op.InputError, match=r": name 'bottom' is not defined when evaluating expression 'bottom';"):
         describe(folder)
+
+
+def test_arguments_of_xacro(tmp_path):
+    pytest.importorskip("xacro")
+    macros = '<robot name="two" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="top" default="2"/>'
+    path = tmp_path / "two.urdf.xacro"
+    path.write_text(macros + URDF.replace('upper="2"', 'upper="$(arg top)"').partition(">")[2])
+    described = describe(path, {"top": "1.5"})
+    assert 'upper="1.5"' in described.text
+    assert described.notes[0] == "expanded by xacro, with top=1.5 and the other defaults of two.urdf.xacro"
+    with pytest.raises(op.InputError, match=r"unknown argument 'tip'; expected one of: top"):
+        describe(path, {"tip": "1.5"})
+    with pytest.raises(op.InputError, match=r"arguments \(top\); expected none, since this is no xacro file"):
+        describe(config(tmp_path), {"top": "1.5"})
+    path.write_text(path.read_text().replace('<xacro:arg name="top" default="2"/>', ""))
+    with pytest.raises(op.InputError, match=r"op.init_robot: .*no value of the argument 'top'; expected one \(`arg"):
+        op.init_robot(path, tmp_path / "out")
+    path.write_text(macros + '<xacro:include filename="$(find arm)/x"/></robot>')
+    with pytest.raises(op.InputError, match=r"no package 'arm' \(found near the file: \w+"):
+        describe(path)
+    (tmp_path / "part.xacro").write_text("<robot>\n<link></robot>")
+    path.write_text(macros + '<xacro:include filename="part.xacro"/></robot>')
+    with pytest.raises(op.InputError, match=r"part.xacro:2: xacro: mismatched tag"):
+        describe(path)

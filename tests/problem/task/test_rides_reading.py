@@ -234,6 +234,7 @@ REFUSED = {
     "no motion": ("motion: {turn: {axis: [0, 0, 1], angle: [0, 0.5]}}", "motion: {}", 6, "neither polynomial nor turn"),
     "standing object": ("object: cube, from", "object: stone, from", 13, "stone"),
     "too wide": ("box: [0.04, 0.04, 0.06]", "box: [0.1, 0.1, 0.1]", 13, "the fingers open to 0.08 m"),
+    "unknown step": ("  - move: {configuration: ready}", "  - pik: {object: cube}", 16, "(did you mean 'pick'?)"),
     "unknown key of a pick": ("from: belt, mass", "form: belt, mass", 13, "form"),
     "a region without end": (
         "move: {configuration: ready}",

@@ -3,7 +3,7 @@
 import pytest
 
 from optiplan.errors import InputError
-from optiplan.robot.robot import load_robot
+from optiplan.robot.robot import Robot, load_robot
 
 URDF = """<robot name="x"><link name="a"/>
 <link name="b"><collision><origin xyz="0 0 0"/><geometry><box size="1 1 1"/></geometry></collision></link>
@@ -98,6 +98,11 @@ BODY = '<visual><geometry><box size="1 1 1"/></geometry></visual></link>'
         ),
         ("</joint>", '<calibration rising="x"/></joint>', ""),
         ('<robot name="x">', "<robot>", ""),
+        (
+            'lower="-1" upper="1"',
+            'lower="-170" upper="90"',
+            "limits of position that look like degrees, where a URDF has radians: those of j (170 rad)",
+        ),
     ],
 )
 def test_what_no_plan_needs_stops_no_robot(tmp_path, capfd, old, new, note):
@@ -108,4 +113,11 @@ def test_what_no_plan_needs_stops_no_robot(tmp_path, capfd, old, new, note):
     robot = load_robot(str(tmp_path / "robot.yaml"))
     assert robot.joint_names == ("j",)
     assert not note or note in robot.notes
+    assert capfd.readouterr().err == ""
+
+
+def test_a_urdf_without_links_is_refused_by_us(tmp_path, capfd):
+    (tmp_path / "x.urdf").write_text('<robot name="x"/>')
+    with pytest.raises(InputError, match=r"x.urdf: robot: <robot> without a <link>; expected a URDF"):
+        Robot.from_urdf(tmp_path / "x.urdf")
     assert capfd.readouterr().err == ""

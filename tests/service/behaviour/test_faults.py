@@ -229,7 +229,7 @@ def test_a_database_of_a_newer_layout_is_refused(tmp_path):
         connection.execute(about.update().where(about.c.key == "layout").values(value=str(LAYOUT + 1)))
     with pytest.raises(OptiPlanError, match="newer OptiPlan"):
         open_database(url)
-    with pytest.raises(OptiPlanError, match="cannot be used"):
+    with pytest.raises(OptiPlanError, match="expected sqlite:///PATH or postgresql://"):
         open_database("nonsense://x")
 
 
@@ -262,7 +262,7 @@ def test_a_folder_belongs_to_one_database(tmp_path):
         (["--driver", "arm=sim:rate"], "KEY=VALUE"),
         (["--driver", "sim", "--driver", "sim"], "no other driver has"),
         (["--driver", "arm=sim:patience=9"], "driver.patience"),
-        (["--database", "mysql://x/y"], "cannot be used"),
+        (["--database", "mysql://x/y"], "expected sqlite:///PATH or postgresql://"),
         (["--log-level", "loud"], "choose from"),
         (["--memory", "inf"], "--memory"),
         (["--keep-gb", "nan"], "--keep-gb"),

@@ -107,7 +107,7 @@ def srdf(
     if as_json or context.obj:
         print_json({"written": str(out), "pairs": len(robot.allowed)})
         return 0
-    say(f"{len(robot.allowed)} pairs that need no check written to {out}")
+    say(f"pairs that need no check, written to {out}: {len(robot.allowed)}")
     return 0
 
 

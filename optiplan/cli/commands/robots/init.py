@@ -35,6 +35,9 @@ def init(
             "--allow-pairs", metavar="PAIRS", help="pairs of links not to check: `touching` (often), or A:B,C:D,…"
         ),
     ] = None,
+    arg: Annotated[
+        list[str] | None, typer.Option("--arg", metavar="NAME=VALUE", help="an argument of a xacro file (repeatable)")
+    ] = None,
     full: Annotated[bool, typer.Option("--full", help="print every pair of links and every frame")] = False,
     force: Annotated[bool, typer.Option("--force", help="replace files that are there")] = False,
     ask: Annotated[bool | None, typer.Option("--ask/--no-ask", help="ask for what no flag says")] = None,
@@ -53,6 +56,8 @@ def init(
       optiplan robots init my_arm.urdf --allow-pairs touching   links that overlap as they are built
 
       optiplan robots init panda.xml --out panda                MuJoCo's MJCF (package mujoco)
+
+      optiplan robots init ur.urdf.xacro --arg ur_type=ur5e --out ur5e   xacro (package xacro)
 
       optiplan robots init arm.usda --out arm                   UsdPhysics (package usd-core)
 
@@ -73,7 +78,7 @@ def init(
     robot_files.refuse_files(folder, force)
     choices = wizard.read_choices(group or "", tool or "", lock or [], limit or [], allow_pairs or "")
     with stdout_is_ours():
-        read = describe(urdf)
+        read = describe(urdf, wizard.read_arguments(arg or []))
         robot_files.refuse_files(folder, force, read)
         with robot_files.laid_out(read, name) as source:
             with ProgressLog() as progress:

@@ -38,6 +38,21 @@ def read_choices(group: str, tool: str, lock: Sequence[str], limit: Sequence[str
     return Choices(_names(group), tool, locked, limits, allowed)
 
 
+def read_arguments(texts: Sequence[str]) -> dict[str, str]:
+    """Parse arguments of a xacro file, `NAME=VALUE`, or `NAME:=VALUE` as on the command line of xacro.
+
+    Raises:
+        OptiPlanError: no name, or no value.
+    """
+    arguments = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not (name := name.removesuffix(":").strip()) or not equals:
+            raise OptiPlanError(f"--arg: found '{text}'; expected a name and a value, such as ur_type=ur5e")
+        arguments[name] = value
+    return arguments
+
+
 def _pair(flag: str, text: str, example: str) -> tuple[str, float]:
     key, _, value = text.partition("=")
     try:

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.errors import described, writing, wrong_argument
+from optiplan.errors import OfOneProcess, described, writing, wrong_argument
 from optiplan.files import write_bytes
 from optiplan.planners.trajopt.bspline_basis import DEGREE
 from optiplan.planners.trajopt.nonlinear.curve_program import CurveProgram
@@ -50,7 +50,7 @@ variables and rows, `p_blocks` how many numbers of p have which name. Distances 
 lbx and ubx keep x near it."""
 
 
-class TrajectoryNlp:
+class TrajectoryNlp(OfOneProcess):
     """Minimise cost + penalty over the free control points of a spline, its duration T, s, and slacks.
 
     What planner `casadi` solves in every step, see `optiplan.planners.trajopt.nonlinear.curve_program.CurveProgram`.
