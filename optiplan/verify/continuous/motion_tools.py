@@ -15,9 +15,7 @@ from optiplan.verify.continuous.kept_clearance import KeptClearance, kept_cleara
 from optiplan.verify.continuous.motion_bounds import Motion
 from optiplan.verify.continuous.proof import SCENE, SELF
 from optiplan.verify.continuous.separating_planes import PairDistances
-
-_LARGEST = 1e5
-"""rad or m; with larger numbers rounding would eat up CLEARANCE_ROUNDING."""
+from optiplan.verify.tolerances import LARGEST
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +71,7 @@ def too_large(trajectory: Trajectory, extent: Array, names: Sequence[str]) -> st
         extent: (G,) how far each body reaches, m.
         names: (G,) of the bodies.
     """
-    if not np.abs(trajectory.unit_pieces(0)).max() <= _LARGEST:
-        return f"a trajectory with terms beyond {_LARGEST:g} leaves no digits for a proof"
-    far = np.flatnonzero(~(extent <= _LARGEST))
-    return f"'{names[far[0]]}', a body beyond {_LARGEST:g} leaves no digits for a proof" if len(far) else ""
+    if not np.abs(trajectory.unit_pieces(0)).max() <= LARGEST:
+        return f"a trajectory with terms beyond {LARGEST:g} leaves no digits for a proof"
+    far = np.flatnonzero(~(extent <= LARGEST))
+    return f"'{names[far[0]]}', a body beyond {LARGEST:g} leaves no digits for a proof" if len(far) else ""
