@@ -93,9 +93,7 @@ def far_motions(problem: Problem, trajectory: Trajectory) -> Iterator[Check]:
     for name, motion in moving.items():
         largest = 0.0 if motion is None else motion.largest_term(trajectory.duration)
         if not largest <= LARGEST:
-            detail = (
-                f"the motion of '{name}' has terms of {largest:.3g} m or rad; more than {LARGEST:g} leave no digits"
-            )
+            detail = f"the motion of '{name}' has terms of {largest:.3g} m or rad; above {LARGEST:g} no digits are left"
             yield Check("motion", "exact", False, largest, LARGEST, "m or rad", trajectory.duration, name, detail)
 
 
