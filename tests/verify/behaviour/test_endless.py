@@ -59,6 +59,15 @@ def test_a_leader_with_wide_limits_is_where_it_says(tmp_path, kind, multiplier):
     assert "goal" in failed(verify(problem, off))
 
 
+def test_a_follower_whose_angle_has_no_digits_left_is_refused(tmp_path):
+    """At 2e7 rad it is known to 4e-9 rad, of a long link more than the proof subtracts for rounding."""
+    parts = chain(joint("j", "a", "b", inside=WIDE), joint("k", "b", "c", inside=follower("j", 1e3, 0, WIDE)))
+    robot = load_robot(str(write_robot(tmp_path, parts)))
+    for start, verdict in ((20.0, []), (2e4, ["collision"])):
+        problem = Problem(robot, start=[start], goal=[start + 1e-3])
+        assert failed(verify(problem, quintic(robot.joint_names, problem.start, [start + 1e-3], 2.0))) == verdict
+
+
 def test_infinite_limits_put_together_by_hand_ask_what_turns(planar):
     free = replace(planar.limits, lower=np.full(2, -np.inf), upper=np.full(2, np.inf))
     broken = {"k": Mimic(planar.joint_names[0], 0.5, 0.0)}
