@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan._core import core
 from optiplan.kinematics.ik.joint_wraps import images
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import JointGoal, Problem
@@ -63,9 +64,11 @@ def test_a_follower_whose_angle_has_no_digits_left_is_refused(tmp_path):
     """At 2e7 rad it is known to 4e-9 rad, of a long link more than the proof subtracts for rounding."""
     parts = chain(joint("j", "a", "b", inside=WIDE), joint("k", "b", "c", inside=follower("j", 1e3, 0, WIDE)))
     robot = load_robot(str(write_robot(tmp_path, parts)))
-    for start, verdict in ((20.0, []), (2e4, ["collision"])):
+    for start, verdict, outcome in ((20.0, [], "proved"), (2e4, ["collision"], "refused")):
         problem = Problem(robot, start=[start], goal=[start + 1e-3])
         assert failed(verify(problem, quintic(robot.joint_names, problem.start, [start + 1e-3], 2.0))) == verdict
+        if core is not None:
+            assert op.certify(problem, [[start + 1e-3]]).outcome == outcome
 
 
 def test_infinite_limits_put_together_by_hand_ask_what_turns(planar):
