@@ -10,6 +10,7 @@ import csv
 import errno
 import fcntl
 import io
+import json
 import os
 import stat
 import tempfile
@@ -20,7 +21,7 @@ from contextvars import ContextVar
 from dataclasses import field
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from optiplan.errors import os_reason
 from optiplan.records import dataclass
@@ -207,6 +208,25 @@ def flush(path: Path) -> None:
     """Have the disk hold what was written to a file."""
     with path.open("rb") as file:
         os.fsync(file.fileno())
+
+
+def parsed_json(text: str) -> Any:
+    """Return parsed JSON, in which every object has a key once: programs differ in which of two they take.
+
+    Raises:
+        ValueError: no JSON, or a key twice; a `JSONDecodeError` where the line is known.
+    """
+    return json.loads(text, object_pairs_hook=lambda pairs: _once(pairs, text))
+
+
+def _once(pairs: Sequence[tuple[str, Any]], text: str) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        at = max(text.rfind(json.dumps(twice)), 0)
+        raise json.JSONDecodeError(f"a duplicate key: '{twice[:60]}'", text, at)
+    return found
 
 
 def csv_text(head: Sequence[object], rows: Iterable[Sequence[object]]) -> str:

@@ -83,6 +83,11 @@ class ObstacleMotion(ReadOnlyArrays):
         moving = 1.0 if order == 0 else (np.asarray(t) <= self.until)[:, None]
         return np.asarray((time * factor) @ self.coefficients.T * moving)
 
+    def largest_term(self, t: float) -> float:
+        """Return the largest |c_k| s^k, m or rad, of times s from 0 to t, s: what rounding is a share of."""
+        powers = np.arange(self.coefficients.shape[1])
+        return float((np.abs(self.coefficients) * min(t, self.until) ** powers).max())
+
     def from_times(self, t: Array) -> Array:
         """Return the coefficients (N, rows, k + 1) in powers of s, 0 <= s <= `until` - t, from times t (N,) on.
 

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 from pydantic_core import to_json
 
 from optiplan.errors import InputError, Issue, os_reason, path_argument
-from optiplan.files import folder_of, read_bytes, write_together
+from optiplan.files import folder_of, parsed_json, read_bytes, write_together
 from optiplan.records import dataclass
 from optiplan.runs.record_kinds import check_record
 from optiplan.trajectory.given_files import SAMPLES, GivenFiles
@@ -190,7 +190,7 @@ def _read_record(path: Path) -> dict[str, Any]:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        data = json.loads(read_bytes(path).decode("utf-8-sig"))
+        data = parsed_json(read_bytes(path).decode("utf-8-sig"))
     except OSError as error:
         raise _unusable(path, error, "a run folder or file") from error
     except json.JSONDecodeError as error:

@@ -11,7 +11,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue, os_reason
-from optiplan.files import read_bytes
+from optiplan.files import parsed_json, read_bytes
 from optiplan.records import dataclass
 from optiplan.trajectory.from_samples import from_samples, interpolation
 from optiplan.trajectory.pieces import joint_names_in, json_array
@@ -76,10 +76,11 @@ def read_samples(path: Path, joint_names: Sequence[str] | None = None) -> Sample
     if path.suffix.lower() == ".csv":
         return _ordered(_of_csv(text, str(path)), joint_names)
     try:
-        data = json.loads(text)
+        data = parsed_json(text)
     except (ValueError, RecursionError) as error:
-        line = error.lineno if isinstance(error, json.JSONDecodeError) else None
-        raise InputError([Issue(str(path), line, "file", "broken JSON", "JSON with t, q, and perhaps v, a")]) from error
+        line, why = (error.lineno, error.msg) if isinstance(error, json.JSONDecodeError) else (None, "not readable")
+        found, expected = f"broken JSON ({why})", "JSON with t, q, and perhaps v, a"
+        raise InputError([Issue(str(path), line, "file", found, expected)]) from error
     return samples_from_dict(data, str(path), joint_names)
 
 

@@ -1,6 +1,6 @@
 """Checks other than collision: each function takes (problem, trajectory, policy) and returns a `Check`."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -20,7 +20,7 @@ from optiplan.verify.continuous.polynomial_bounds import prove_bounds
 from optiplan.verify.continuous.torque import torque
 from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.statements import covering, masses, tube
-from optiplan.verify.tolerances import POSITION_ROUNDING
+from optiplan.verify.tolerances import LARGEST, POSITION_ROUNDING
 
 _MOST_SIZE, _MOST_TIME = 1e15, 1e13  # rad or m, s: sums and powers of larger numbers overflow, or have no digits
 _LIFTED = "; `limits: {jerk: none}` in the problem lifts this"
@@ -81,6 +81,20 @@ def joints(problem: Problem, trajectory: Trajectory) -> Check:
     if found == expected:
         return Check("joints", "exact", True, detail="names and order are the robot's", covers=("robot.joints",))
     return Check("joints", "exact", False, detail=f"found {', '.join(found)}; expected {', '.join(expected)}")
+
+
+def far_motions(problem: Problem, trajectory: Trajectory) -> Iterator[Check]:
+    """Yield a failed check of each motion of the scene, or of what a step goes with, whose terms are beyond `LARGEST`.
+
+    At later times its polynomials are sums of these terms, known to a share of the largest one only.
+    """
+    moving = {one.name: one.motion for one in problem.scene.dynamic_obstacles}
+    moving |= {one.ride.mover.name: one.ride.mover.motion for one in problem.task if one.ride is not None}
+    for name, motion in moving.items():
+        largest = 0.0 if motion is None else motion.largest_term(trajectory.duration)
+        if not largest <= LARGEST:
+            detail = f"the motion of '{name}' has terms of {largest:.3g} m or rad; above {LARGEST:g} no digits are left"
+            yield Check("motion", "exact", False, largest, LARGEST, "m or rad", trajectory.duration, name, detail)
 
 
 def start_position(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:

@@ -58,6 +58,7 @@ def verify(
 
         task = WholeTask(problem, trajectory)
         problem = task.in_order
+    found += limit_checks.far_motions(problem, trajectory)
     found += _motion(problem, trajectory, policy) if task is None else task.checks(policy)
     about: tuple[str, ...] = ()
     if task is not None or trajectory.segments:

@@ -26,6 +26,7 @@ from optiplan.robot.self_collision.pair_bounds import LocalBox
 from optiplan.verify.collision_check import checked_robot
 from optiplan.verify.continuous.kept_clearance import KeptClearance, kept_clearances
 from optiplan.verify.report import VerifyPolicy
+from optiplan.verify.tolerances import LARGEST
 
 if TYPE_CHECKING:
     from optiplan._core._core_base import NearestChunk
@@ -178,6 +179,9 @@ class WarmProof:
         b, c = motion
         if self._sunk:
             return MotionVerdict(self._sunk)
+        kinematics = self._robot.kinematics
+        if kinematics.follows and not kinematics.joint_reach(np.abs(c[:, 0]).max(axis=0)).max() <= LARGEST:
+            return MotionVerdict(f"joints that follow others would be beyond {LARGEST:g} rad or m, with no digits left")
         order, joint, time, value, limit = self._core.limits(b, c, state)
         if order >= 0:
             return MotionVerdict(self._beyond(order, joint, time, value, limit), time)

@@ -108,7 +108,7 @@ class _Search(SearchState):
 
     def refuse_at_once(self) -> None:
         """Refuse at once what cannot be proved: huge numbers, bodies without bounds, bodies inside a mesh."""
-        self.proof.reason = too_large(self.trajectory, self.bodies.extent, self.model.names)
+        self.proof.reason = too_large(self.trajectory, self.bodies, self.model.names)
         if self.proof.reason:
             return
         if self.bodies.unsupported is not None:

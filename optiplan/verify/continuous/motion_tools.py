@@ -6,7 +6,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from optiplan.arrays import Array, Index
+from optiplan.arrays import Index
 from optiplan.collision.model import CollisionModel, SameBodies
 from optiplan.records import dataclass
 from optiplan.trajectory.trajectory import Trajectory
@@ -15,9 +15,7 @@ from optiplan.verify.continuous.kept_clearance import KeptClearance, kept_cleara
 from optiplan.verify.continuous.motion_bounds import Motion
 from optiplan.verify.continuous.proof import SCENE, SELF
 from optiplan.verify.continuous.separating_planes import PairDistances
-
-_LARGEST = 1e5
-"""rad or m; with larger numbers rounding would eat up CLEARANCE_ROUNDING."""
+from optiplan.verify.tolerances import LARGEST
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,15 +63,16 @@ def tools_of(model: CollisionModel) -> MotionTools:
     return _tools[model]
 
 
-def too_large(trajectory: Trajectory, extent: Array, names: Sequence[str]) -> str:
+def too_large(trajectory: Trajectory, bodies: Bodies, names: Sequence[str]) -> str:
     """Say why numbers are too large for a proof in floating point; nothing where they are not.
 
     Args:
-        trajectory: whose terms |c_k| h^k of positions are looked at.
-        extent: (G,) how far each body reaches, m.
+        trajectory: whose terms |c_k| h^k of positions are looked at, and those of the joints that follow.
+        bodies: of the work space, which say how far each of them reaches, m.
         names: (G,) of the bodies.
     """
-    if not np.abs(trajectory.unit_pieces(0)).max() <= _LARGEST:
-        return f"a trajectory with terms beyond {_LARGEST:g} leaves no digits for a proof"
-    far = np.flatnonzero(~(extent <= _LARGEST))
-    return f"'{names[far[0]]}', a body beyond {_LARGEST:g} leaves no digits for a proof" if len(far) else ""
+    terms = np.abs(trajectory.unit_pieces(0)).max(axis=(0, 2))  # (n,)
+    if not bodies.kinematics.joint_reach(terms).max(initial=terms.max()) <= LARGEST:
+        return f"a trajectory with terms beyond {LARGEST:g} leaves no digits for a proof"
+    far = np.flatnonzero(~(bodies.extent <= LARGEST))
+    return f"'{names[far[0]]}', a body beyond {LARGEST:g} leaves no digits for a proof" if len(far) else ""

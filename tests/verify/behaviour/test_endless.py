@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan._core import core
 from optiplan.kinematics.ik.joint_wraps import images
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import JointGoal, Problem
@@ -54,6 +55,17 @@ def test_a_leader_with_wide_limits_is_where_it_says(tmp_path, kind, multiplier):
     problem = Problem(robot, start=[0.0], goal=[1.0])
     off = quintic(robot.joint_names, [0.0], [1.0 - 2 * np.pi], 20.0)
     assert "goal" in failed(verify(problem, off))
+
+
+def test_a_follower_whose_angle_has_no_digits_left_is_refused(tmp_path):
+    """At 2e7 rad it is known to 4e-9 rad, of a long link more than the proof subtracts for rounding."""
+    parts = chain(joint("j", "a", "b", inside=WIDE), joint("k", "b", "c", inside=follower("j", 1e3, 0, WIDE)))
+    robot = load_robot(str(write_robot(tmp_path, parts)))
+    for start, verdict, outcome in ((20.0, [], "proved"), (2e4, ["collision"], "refused")):
+        problem = Problem(robot, start=[start], goal=[start + 1e-3])
+        assert failed(verify(problem, quintic(robot.joint_names, problem.start, [start + 1e-3], 2.0))) == verdict
+        if core is not None:
+            assert op.certify(problem, [[start + 1e-3]]).outcome == outcome
 
 
 def test_infinite_limits_put_together_by_hand_ask_what_turns(planar):

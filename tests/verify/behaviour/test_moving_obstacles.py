@@ -99,6 +99,17 @@ def test_it_may_stop_within_rounding_of_the_end(off):
     assert np.allclose(extended.end[-1], -0.5, atol=1e-9)
 
 
+def test_terms_of_a_motion_that_cancel_beyond_their_digits_are_refused():
+    """Where it is at the end is a difference of two terms, known to a share of these."""
+    terms = [0.0, -5e5 / T, 5e5 / T**2]
+    for scale, passes in ((1e-6, True), (1.0, False)):
+        scene = [ball([2.0, 0, 0], [[0], [scale * one for one in terms], [0]])]
+        report = verify(REACH.with_scene(scene), MOTION)
+        assert report.verified == passes
+        assert ("motion" in [check.name for check in report.failures]) != passes
+    assert "'ball' has terms of 5e+05 m or rad" in report.failures[0].detail
+
+
 def test_what_moves_into_the_base_is_refused():
     """The base stands still, so that obstacles that stand need no pair with it; those that move do."""
     side = op.Box("cart", size=(0.2, 0.2, 0.2), position=(-1.0, 0.0, 0.1))
