@@ -13,6 +13,7 @@ from sqlalchemy.engine import Engine
 from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.sql.functions import FunctionElement
 
+from optiplan.config.messages import some
 from optiplan.errors import OptiPlanError
 
 LAYOUT = 2
@@ -286,6 +287,10 @@ def _alone(connection: sa.Connection) -> None:
 
 def _bring_up(connection: sa.Connection) -> None:
     _alone(connection)
+    others = sa.inspect(connection).get_table_names() if connection.dialect.name == "sqlite" else []
+    if others and about.name not in others:
+        held = f"the file of another program, with the tables {some(sorted(others), 3)}"
+        raise OptiPlanError(f"the database is {held}; expected a new file, or one that `optiplan serve` made")
     metadata.create_all(connection)
     found = int(connection.scalar(sa.select(about.c.value).where(about.c.key == "layout")) or 0)
     if found > LAYOUT:

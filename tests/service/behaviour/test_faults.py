@@ -5,8 +5,10 @@ import errno
 import fcntl
 import json
 import os
+import sqlite3
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from uuid import uuid4
 
 import numpy as np
@@ -231,6 +233,15 @@ def test_a_database_of_a_newer_layout_is_refused(tmp_path):
         open_database(url)
     with pytest.raises(OptiPlanError, match="expected sqlite:///PATH or postgresql://"):
         open_database("nonsense://x")
+
+
+def test_the_sqlite_file_of_another_program_is_refused_and_stays_as_it_is(tmp_path):
+    with closing(sqlite3.connect(tmp_path / "a.sqlite")) as other:
+        other.execute("CREATE TABLE orders (id INTEGER)")
+    with pytest.raises(OptiPlanError, match="another program, with the tables orders"):
+        open_database(f"sqlite:///{tmp_path / 'a.sqlite'}")
+    with closing(sqlite3.connect(tmp_path / "a.sqlite")) as other:
+        assert other.execute("SELECT name FROM sqlite_master").fetchall() == [("orders",)]
 
 
 def test_a_folder_belongs_to_one_database(tmp_path):
