@@ -254,7 +254,7 @@ def _imported(module: str) -> ModuleType:
         return import_module(module)
     finally:
         if looks:
-            if not gc.get_freeze_count():  # nothing of somebody else's, which would thaw
+            if gc.get_freeze_count() < 1000:  # nothing of somebody else's, which would thaw; Python 3.12 itself has 375
                 gc.freeze()
                 gc.unfreeze()
             gc.enable()
