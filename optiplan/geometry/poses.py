@@ -122,9 +122,10 @@ def is_matrix_of_pose(value: object) -> bool:
         return False
     try:
         matrix = np.asarray(value, float)
-        return matrix.shape == (4, 4) and pose_from_matrix(matrix.ravel().tolist()) is not None
-    except (TypeError, ValueError):
+        pose_from_matrix(matrix.ravel().tolist())
+    except (TypeError, ValueError, OverflowError):
         return False
+    return matrix.shape == (4, 4)
 
 
 class PoseError(NamedTuple):

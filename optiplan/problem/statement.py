@@ -11,7 +11,7 @@ from optiplan.arrays import is_finite, is_listed
 from optiplan.config.document import plain
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.pose import Pose, Values, checked
-from optiplan.geometry.poses import pose_to_data
+from optiplan.geometry.poses import is_matrix_of_pose, pose_to_data
 from optiplan.problem.goals_and_vias import AllOfGoal, JointGoal, PoseGoal, Via
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.schema import RegionSpec, axes_data
@@ -202,6 +202,8 @@ def end_data(end: Any, function: str, argument: str) -> dict[str, Any]:
         return state_data(end.q, end.v, end.a)
     if is_configuration(end):
         return {"joints": np.asarray(end, dtype=float).tolist()}
+    if is_matrix_of_pose(end):
+        raise wrong_argument(function, argument, "a matrix (4, 4) of a pose", "op.Pose.from_matrix(matrix)")
     expected = "values of the joints (n,) or {joint: value}, the name of a configuration, op.Pose(…) or op.Region(…)"
     raise wrong_argument(function, argument, described(end), expected)
 
@@ -251,9 +253,9 @@ def _joint_values(values: Any) -> Any:
 
 
 def is_several(ends: Any) -> bool:
-    """Whether it is a list of ends, not one of them."""
+    """Whether it is a list of ends, not one of them; of an arm of four joints the rows of a matrix could be four."""
     listed = isinstance(ends, Sequence | np.ndarray) and is_listed(ends)
-    return listed and not is_configuration(ends)
+    return listed and not is_configuration(ends) and not is_matrix_of_pose(ends)
 
 
 def is_configuration(value: Any) -> bool:

@@ -9,7 +9,7 @@ import pinocchio as pin
 from optiplan.config.document import plain
 from optiplan.errors import described, options_argument, wrong_argument
 from optiplan.geometry.pose import Pose, place_data
-from optiplan.geometry.poses import is_matrix_of_pose, pose_from_data, pose_to_data
+from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.geometry.safety import Safety
 from optiplan.geometry.scene import Scene
 from optiplan.geometry.shapes import shape_data
@@ -42,8 +42,6 @@ def goal_data(goal: Any) -> dict[str, Any]:
     Raises:
         InputError: not an end, or a joint goal with a tolerance that files cannot hold.
     """
-    if is_matrix_of_pose(goal):  # of an arm of four joints its rows would be four goals
-        raise wrong_argument("Problem", "goal", "a matrix (4, 4) of a pose", "op.Pose.from_matrix(matrix)")
     several = is_several(goal)
     ends = [
         end_data(end, "Problem", f"goal[{k}]" if several else "goal")

@@ -43,6 +43,8 @@ CASES = {
     "goal kind": (lambda p: op.Problem(p.robot, [0, 0], 3.5), "op.Problem: goal", "op.Pose"),
     "goal none": (lambda p: op.Problem(p.robot, [0, 0], []), "op.Problem: goal", "at least one"),
     "goal matrix": (lambda p: p.with_goal(np.eye(4)), "op.Problem: goal: found a matrix", "op.Pose.from_matrix"),
+    "step matrix": (lambda p: op.Task().move(np.eye(4)), "op.Task.move: to: found a matrix", "op.Pose.from_matrix"),
+    "huge matrix": (lambda p: p.with_goal([[10**400] * 4] * 4), "op.Problem: goal", "op.Pose"),
     "goal limits": (lambda p: op.Problem(p.robot, [0, 0], [0, 99]), "op.Problem: goal", "a value in"),
     "frame": (lambda p: p.with_goal(op.Pose((1, 0, 0), frame="hand")), "op.Problem: goal.pose.frame", "one of"),
     "vias": (lambda p: p.with_vias({}), "op.Problem: via", "joints"),
