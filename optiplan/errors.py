@@ -121,6 +121,11 @@ def described(value: object) -> str:
     return "None" if value is None else f"the {type(value).__name__} {text if len(text) <= 60 else text[:59] + '…'}"
 
 
+def counted(count: int, what: str) -> str:
+    """Return how many there are in words: `1 piece`, `2 pieces`."""
+    return f"{count} {what}{'s' * (count != 1)}"
+
+
 def wrong_argument(function: str, argument: str, found: str, expected: str) -> "InputError":
     """Return the error for one argument of a Python call: `op.plan: budget: found -1.0; expected …`."""
     return InputError([Issue.of_argument(function, argument, found, expected)])

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, is_finite, is_listed, number_argument
-from optiplan.errors import described, flag_argument, wrong_argument
+from optiplan.errors import counted, described, flag_argument, wrong_argument
 from optiplan.geometry.file_shapes import Mesh, Octree, PointCloud
 from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.poses import FixedPose
@@ -393,7 +393,7 @@ def _pair(pair: Any) -> frozenset[str]:
 
 def _counted(what: str, bodies: Sequence[Obstacle | Attachment]) -> str:
     names = [body.name for body in bodies[:4]] + (["…"] if len(bodies) > 4 else [])
-    return f"{len(bodies)} {what}{'s' if len(bodies) != 1 else ''} ({', '.join(names)})"
+    return f"{counted(len(bodies), what)} ({', '.join(names)})"
 
 
 def _fixed(X: Any, body: str, argument: str) -> FixedPose:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from optiplan.arrays import Array, ReadOnlyArrays, read_only
-from optiplan.errors import path_argument, seed_argument, writing, wrong_argument
+from optiplan.errors import counted, path_argument, seed_argument, writing, wrong_argument
 from optiplan.files import write_text
 from optiplan.geometry.pose import Pose, Values
 from optiplan.geometry.scene import Obstacle, Scene
@@ -378,7 +378,7 @@ class Problem(ReadOnlyArrays, FreeSpace):
 
     def __repr__(self) -> str:
         """Name, robot, goal and scene in one line."""
-        past = f" past {len(self.vias)} point{'s' * (len(self.vias) > 1)}" if self.vias else ""
+        past = f" past {counted(len(self.vias), 'point')}" if self.vias else ""
         return f"Problem: {self.name}, {self.robot.name}, to {self._end}{past}; {self._around}"
 
     def _repr_html_(self) -> str:

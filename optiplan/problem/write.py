@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from optiplan.errors import counted
 from optiplan.problem.goals_and_vias import AllOfGoal, Goal, JointGoal, PoseGoal
 
 PLAIN_TEXT = re.compile(r"[A-Za-z_][A-Za-z0-9_./-]*")
@@ -53,7 +54,7 @@ def _quoted(text: str) -> str:
 def end_words(goal: Goal, steps: int) -> str:
     """Return where a problem leads, in a few words: to one of its ends, or through so many steps."""
     if steps:
-        return f"do {steps} step{'s' * (steps > 1)}"
+        return f"do {counted(steps, 'step')}"
     if len(goal) != 1:
         return f"any of {len(goal)} ends"
     end = goal[0]

@@ -9,7 +9,7 @@ import numpy as np
 
 from optiplan._core import core
 from optiplan.arrays import Array, Index, ReadOnlyArrays, is_finite, read_only
-from optiplan.errors import InputError, Issue, described
+from optiplan.errors import InputError, Issue, counted, described
 from optiplan.records import dataclass
 from optiplan.trajectory import bspline, polynomial
 from optiplan.trajectory.pieces import defect, lasting, read_pieces
@@ -98,7 +98,7 @@ class Trajectory(ReadOnlyArrays):
 
     def __repr__(self) -> str:
         """Duration, pieces and names of the joints in one line."""
-        pieces = f"{len(self.coefficients)} piece{'s' if len(self.coefficients) != 1 else ''}"
+        pieces = counted(len(self.coefficients), "piece")
         return f"Trajectory: {self.duration:.3f} s, {pieces}, {self.n} joints: {', '.join(self.joint_names)}"
 
     def _repr_html_(self) -> str:

@@ -26,6 +26,7 @@ from optiplan.bench.report.tables.planner_tables import ladder, parts, percentil
 from optiplan.bench.results.database import Store
 from optiplan.bench.results.growth import place_of
 from optiplan.bench.results.measures import load_results
+from optiplan.errors import counted
 from optiplan.files import write_text
 from optiplan.planners.base import Progress, silent
 
@@ -246,7 +247,7 @@ def _reason(store: Store, reason: Reason, link: Link) -> str:
     shown = len(reason.examples)
     which = "" if shown == reason.runs else f"<p class=note>{shown} of {reason.runs} runs:</p>"
     items = "".join(_example(store, run, link(run)) for run in reason.examples)
-    problems = f"{reason.problems} problem{'s' if reason.problems != 1 else ''}"
+    problems = counted(reason.problems, "problem")
     return (
         f"<details class=reason><summary><b>{reason.runs}</b> <span class=kind>{html.escape(reason.kind)}</span> "
         f"{html.escape(reason.words)}</summary><p>{planners} · on {problems}</p>{which}<ul>{items}</ul></details>"

@@ -8,6 +8,7 @@ import typer
 
 from optiplan.cli.options import AsJson
 from optiplan.cli.output import messages, print_json, say, stdout_is_ours
+from optiplan.errors import counted
 
 app = typer.Typer()
 LISTED = 20
@@ -87,5 +88,5 @@ def scene(
         return 0
     for note in read.notes:
         messages().print(f"note: {note}", style="yellow", markup=False, soft_wrap=True)
-    say(f"written to {out}: {len(read.obstacles)} obstacle{'s' * (len(read.obstacles) != 1)}")
+    say(f"written to {out}: {counted(len(read.obstacles), 'obstacle')}")
     return 0
